@@ -1,0 +1,95 @@
+/// Every capacity of verge in one place: meaning, cost, range.
+///
+/// A capacity bounds memory that is part of the planner's arena or of a plan. Change one by
+/// defining it on the compiler's command line, or all of them by naming your own header:
+/// -DVERGE_USER_CONFIG='"my_config.h"'. Library and callers must see the same values.
+#ifndef VERGE_CONFIG_H
+#define VERGE_CONFIG_H
+
+#ifdef VERGE_USER_CONFIG
+#include VERGE_USER_CONFIG
+#endif
+
+/// Vehicles the planner sees at once, controlled and uncontrolled. 8 .. 64.
+/// Cost: 16 B a vehicle in every tree node; 1 KiB a vehicle in a plan (its prediction).
+#ifndef VERGE_VEHICLES_MAX
+#define VERGE_VEHICLES_MAX 64
+#endif
+
+/// Vehicles planned jointly. 1 .. VERGE_VEHICLES_MAX.
+/// Cost: one sampler workspace (about 100 KiB) each, and 6 KiB each in a plan.
+#ifndef VERGE_CONTROLLED_MAX
+#define VERGE_CONTROLLED_MAX 16
+#endif
+
+/// Lanes of a road. 1 .. 64 (sets of lanes are 64-bit masks). Cost: 64 x 64 x 24 B of relations.
+#ifndef VERGE_LANES_MAX
+#define VERGE_LANES_MAX 64
+#endif
+
+/// Points of one lane's surveyed centreline. Refused above. Cost: none after init (scratch only).
+#ifndef VERGE_LANE_POINTS_MAX
+#define VERGE_LANE_POINTS_MAX 1024
+#endif
+
+/// Length of one lane [m]. Cost: 56 B per metre of lane actually present in the road.
+#ifndef VERGE_LANE_LENGTH_MAX
+#define VERGE_LANE_LENGTH_MAX 2000
+#endif
+
+/// Lanes that may continue one lane. Cost: 4 B a lane each.
+#ifndef VERGE_SUCCESSORS_MAX
+#define VERGE_SUCCESSORS_MAX 8
+#endif
+
+/// Legal change stretches of one lane and side. Cost: 16 B each.
+#ifndef VERGE_STRETCHES_MAX
+#define VERGE_STRETCHES_MAX 8
+#endif
+
+/// Decision steps of the search. 2 .. 32. Cost: 1 B per step and controlled vehicle and plan kept.
+#ifndef VERGE_STEPS_MAX
+#define VERGE_STEPS_MAX 16
+#endif
+
+/// Points of one planned trajectory, the first one at t = 0. 11 .. 64.
+#ifndef VERGE_POINTS_MAX
+#define VERGE_POINTS_MAX 31
+#endif
+
+/// Nodes of the search tree (the default of verge_planner_def.nodes_max, which sizes the arena).
+/// Cost: about 64 B + 16 B a vehicle each.
+#ifndef VERGE_NODES_MAX
+#define VERGE_NODES_MAX 4096
+#endif
+
+/// Area pairs where two lanes that are not neighbours meet. Cost: 24 B each.
+#ifndef VERGE_CONFLICTS_MAX
+#define VERGE_CONFLICTS_MAX 512
+#endif
+
+/// Candidate trajectories of one segment: end speeds x lateral offsets.
+/// Offsets come in multiples of 8, the width of the sampler's inner loop.
+#ifndef VERGE_SAMPLE_SPEEDS_MAX
+#define VERGE_SAMPLE_SPEEDS_MAX 32
+#endif
+#ifndef VERGE_SAMPLE_OFFSETS_MAX
+#define VERGE_SAMPLE_OFFSETS_MAX 32
+#endif
+
+/// Reference car (BMW 320i, CommonRoad vehicle 2; findings/trajectory.md section 5).
+/// The body centre is the reference point of every position on the wire and in files; the rear
+/// axle, this far behind it along the heading, is the point whose motion obeys the wheels. [m]
+#define VERGE_REAR_AXLE 1.4227
+#define VERGE_WHEELBASE 2.5789         ///< [m]
+#define VERGE_STEER_MAX 1.066          ///< [rad]
+#define VERGE_STEER_RATE_MAX 0.4       ///< [rad/s]
+#define VERGE_CURVATURE_MAX 0.702      ///< [1/m]   tan(steer_max) / wheelbase, of the rear axle
+#define VERGE_ACCELERATION_MAX 11.5    ///< [m/s^2] also the radius of the friction circle
+#define VERGE_SPEED_SWITCH 7.319       ///< [m/s]   above it a <= a_max * v_switch / v
+#define VERGE_SPEED_MAX 50.8           ///< [m/s]
+
+/// Below this speed lateral motion is a function of the way, d(s), and curvature is unknown. [m/s]
+#define VERGE_SPEED_SLOW 2.0
+
+#endif

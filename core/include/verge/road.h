@@ -1,0 +1,85 @@
+/// A road: any graph of lanes, as surveyed.
+///
+/// The caller describes lanes by polylines; the planner fits a smooth reference line to each
+/// (continuous heading and curvature, the smoothest one within verge_road_def.fit_tolerance of
+/// the survey), finds which neighbours run beside where, which lanes meet downstream, and where
+/// lanes that are not neighbours run through the same area.
+///
+/// Lifetime    The def and all it points to are read by verge_planner_init() only, and copied.
+#ifndef VERGE_ROAD_H
+#define VERGE_ROAD_H
+
+#include "verge/types.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// A stretch [s0, s1] of a lane. [m]
+typedef struct verge_stretch {
+    double s0, s1;
+} verge_stretch;
+
+typedef struct verge_lane_def {
+    int32_t id;                     ///< >= 0, unique
+    const double (*points)[2];      ///< [m] x, y in travel direction
+    uint32_t point_count;           ///< 2 .. VERGE_LANE_POINTS_MAX
+    double   width;                 ///< [m] 1.5 .. 20
+    double   speed_limit;           ///< [m/s] 0.5 .. 60
+    int32_t  left, right;           ///< lane id of the same-direction neighbour, or VERGE_NO_LANE
+    int32_t  successors[VERGE_SUCCESSORS_MAX];
+    uint32_t successor_count;
+    bool     change_left_given, change_right_given; ///< false: allowed wherever the neighbour is beside
+    verge_stretch change_left[VERGE_STRETCHES_MAX], change_right[VERGE_STRETCHES_MAX];
+    uint32_t change_left_count, change_right_count;
+} verge_lane_def;
+
+typedef struct verge_road_def {
+    const verge_lane_def* lanes;
+    uint32_t lane_count;            ///< 1 .. VERGE_LANES_MAX
+} verge_road_def;
+
+/// What is wrong with a road: which lane (index), which field, in words.
+typedef struct verge_road_fault {
+    uint32_t    lane_index;
+    const char* field;  ///< "centerline", "width", "left", "successors", ...; null: no fault
+    const char* text;   ///< what is wrong and what was expected
+} verge_road_fault;
+
+/// Checks everything verge_planner_init() would refuse a road for.
+/// @retval VERGE_OK        the road can be built; fault->field is null
+/// @retval VERGE_ERR_ROAD  fault tells the first trouble, in lane order
+verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault);
+
+/// A built road, inside a planner's arena; valid as long as the planner. See verge_planner_road().
+typedef struct verge_road verge_road;
+
+/// Which lane a body is on: the lane that contains (x, y) and whose direction fits the heading
+/// best; outside all lanes the nearest within 2 m of an edge, else lane_id = VERGE_NO_LANE.
+/// prefer_lane: a lane id to take when several contain the point (or VERGE_NO_LANE).
+verge_lane_position verge_road_project(const verge_road* road, double x, double y, double heading,
+                                       int32_t prefer_lane);
+
+/// The same on one given lane, wherever the point is (s may be < 0 or beyond the lane's length).
+verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_id, double x, double y);
+
+/// Position and direction of (s, d) on a lane: Eq. 6 for a body that moves along the lane.
+void verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
+                   double* x, double* y, double* heading);
+
+double  verge_road_length(const verge_road* road, int32_t lane_id);      ///< [m] of the reference line
+double  verge_road_width(const verge_road* road, int32_t lane_id);       ///< [m]
+double  verge_road_speed_limit(const verge_road* road, int32_t lane_id); ///< [m/s]
+/// The lane that continues lane_id on the way to target_lane (first successor if there is none
+/// better), or VERGE_NO_LANE where nothing continues it.
+int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane);
+/// Is lane_id the target lane, or a lane that continues it (by successors only)?
+bool    verge_road_continues(const verge_road* road, int32_t target_lane, int32_t lane_id);
+/// Does driving on along lane_id, by successors only, lead to target_lane?
+bool    verge_road_leads_to(const verge_road* road, int32_t lane_id, int32_t target_lane);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,102 @@
+/// Words shared by the whole interface: status codes, actions, vehicles and their habits.
+///
+/// Units are SI throughout: [m], [s], [rad], [m/s], [m/s^2]. Angles grow counter-clockwise from
+/// the x axis and lie in (-pi, pi]; the lateral offset d grows to the left of the direction of
+/// travel. A position (x, y) is the centre of the body rectangle, everywhere. Instants (utime)
+/// are integer microseconds since the Unix epoch.
+#ifndef VERGE_TYPES_H
+#define VERGE_TYPES_H
+
+#include "verge/config.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// What a call answers. Negative: input from outside that does not fit; nothing was changed.
+typedef enum verge_status {
+    VERGE_OK = 0,
+    VERGE_ERR_DEF = -1,         ///< a parameter of the def is out of its range, or def not defaulted
+    VERGE_ERR_MEMORY = -2,      ///< the memory given is too small or not 64-byte aligned
+    VERGE_ERR_ROAD = -3,        ///< the road cannot be built; see verge_road_check()
+    VERGE_ERR_CAPACITY = -4,    ///< more vehicles or controlled vehicles than the capacities
+    VERGE_ERR_VEHICLE = -5,     ///< a vehicle with a value that is not finite or out of range
+    VERGE_ERR_DUPLICATE = -6,   ///< two vehicles with one id
+    VERGE_ERR_OFF_ROAD = -7,    ///< a vehicle whose centre lies on no lane
+} verge_status;
+
+/// A sentence for a status, never null.
+const char* verge_status_text(verge_status status);
+
+#define VERGE_NO_LANE (-1)
+
+/// Table 1. The values are those of the wire.
+typedef enum verge_action {
+    VERGE_KEEP_SPEED = 0,
+    VERGE_ACCELERATE = 1,
+    VERGE_DECELERATE = 2,
+    VERGE_CHANGE_LEFT = 3,
+    VERGE_CHANGE_RIGHT = 4,
+} verge_action;
+enum { VERGE_ACTION_COUNT = 5 };
+
+/// "KS", "AC", "DC", "LCL" or "LCR".
+const char* verge_action_name(verge_action action);
+
+/// Weights of the six cost terms (section 3.2.3). All >= 0. [1]
+typedef struct verge_weights {
+    double curvature, heading, offset, acceleration, jerk, obstacle;
+} verge_weights;
+
+/// How a vehicle drives: its cooperation factor (Eq. 4) and its trajectory weights (Eq. 9).
+typedef struct verge_habit {
+    double cooperation; ///< [1] gamma in [0, 1]: 0 egoistic, 1 others count as much as oneself
+    verge_weights weights;
+} verge_habit;
+
+typedef enum verge_habit_kind {
+    VERGE_AGGRESSIVE = 0,
+    VERGE_NORMAL = 1,
+    VERGE_CONSERVATIVE = 2,
+} verge_habit_kind;
+
+/// The three habits of Table 2.
+verge_habit verge_habit_of(verge_habit_kind kind);
+
+/// One vehicle as heard: the input of a planning step.
+typedef struct verge_vehicle {
+    int32_t id;             ///< >= 0, unique in a step
+    bool    controlled;     ///< true: planned by verge (the paper's AV in V_C); false: predicted
+    double  x, y;           ///< [m] centre of the body
+    double  heading;        ///< [rad]
+    double  speed;          ///< [m/s] >= 0, of the centre
+    double  acceleration;   ///< [m/s^2] along the path
+    double  yaw_rate;       ///< [rad/s] NaN: unknown, taken as 0; also taken as 0 below 2 m/s
+    double  length, width;  ///< [m] 0.5 .. 30, 0.3 .. 4
+    double  margin;         ///< [m] >= 0, the body is grown by this much on every side (old data)
+    int32_t target_lane;    ///< lane id, or VERGE_NO_LANE: no intention beyond driving on
+    verge_habit habit;      ///< of controlled vehicles; ignored otherwise
+} verge_vehicle;
+
+/// A vehicle of 5 m x 2 m, normal habit, no target, yaw rate unknown.
+verge_vehicle verge_vehicle_default(void);
+
+/// A point on a road: lane, way along its reference line and offset from it.
+typedef struct verge_lane_position {
+    int32_t lane_id;    ///< VERGE_NO_LANE: off every lane
+    double  s;          ///< [m] along the lane; may lie beyond its end where nothing continues it
+    double  d;          ///< [m] to the left
+    double  heading;    ///< [rad] of the lane there
+    double  curvature;  ///< [1/m] of the lane there
+    bool    contained;  ///< |d| <= half the lane's width and s within the lane
+} verge_lane_position;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

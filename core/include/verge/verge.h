@@ -1,0 +1,17 @@
+/// verge: joint decisions and drivable trajectories for the vehicles around one roadside unit.
+/// The one include of the library. Start reading at planner.h.
+#ifndef VERGE_H
+#define VERGE_H
+
+#define VERGE_VERSION_MAJOR 0
+#define VERGE_VERSION_MINOR 1
+#define VERGE_VERSION_PATCH 0
+#define VERGE_VERSION_STRING "0.1.0"
+
+#include "verge/config.h"
+#include "verge/types.h"
+#include "verge/road.h"
+#include "verge/plan.h"
+#include "verge/planner.h"
+
+#endif

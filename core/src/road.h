@@ -1,0 +1,131 @@
+/// The built road: what the public road.h promises, as core sees it.
+///
+/// Lanes are addressed by index (their order in the def). Beside its own arc length s each lane
+/// has a *station*: lanes that are neighbours of one another, directly or through others, form a
+/// bundle, and share one station axis and one lateral axis: two vehicles of a bundle are side by
+/// side when their stations are equal, and y = lateral[lane](station) + d compares them laterally
+/// whichever lane each is on. That makes leader and follower a subtraction in the search.
+/// Bundles that are joined by successors are related by an offset (vg_relation).
+#ifndef VG_ROAD_INTERNAL_H
+#define VG_ROAD_INTERNAL_H
+
+#include "arena.h"
+#include "verge/road.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// Spacing of a lane's reference knots is close to this; exactly length / (knot_count - 1). [m]
+#define VG_KNOT_SPACING 1.0
+/// Spacing of the station bins. [m]
+#define VG_BIN 4.0
+
+/// What a lane is like around one station, sampled every VG_BIN metres of station from
+/// lane->station_start on; between bins linear.
+typedef struct vg_bin {
+    float s;          ///< [m] arc length of the lane at this station
+    float lateral;    ///< [m] y of the lane's centre on the bundle's lateral axis
+    float left_gap;   ///< [m] > 0 to the left neighbour's centre; 0: no change to the left here
+    float right_gap;  ///< [m] > 0 to the right neighbour's centre; 0: no change to the right here
+} vg_bin;             // legal stretches are already applied to the gaps
+
+typedef struct vg_lane {
+    int32_t  id;
+    double   width, speed_limit;   ///< [m], [m/s]
+    double   length;               ///< [m] of the reference line
+    double   knot_spacing;         ///< [m]
+    uint32_t knot_count;
+    // Reference line: C2 cubic splines x(s), y(s) through uniformly spaced knots.
+    const double *x, *y;           ///< [m] knot values
+    const double *xss, *yss;       ///< [1/m] second derivatives at the knots
+    int32_t  left, right;          ///< lane index, -1 none
+    int32_t  successors[VERGE_SUCCESSORS_MAX];
+    uint32_t successor_count;
+    bool     dead_end;             ///< nothing continues it though a neighbour goes on for >= 20 m:
+                                   ///< whoever is on it must leave it or stop before its end
+    uint32_t bundle;
+    double   station_start, station_end; ///< [m] station at s = 0 and at s = length
+    uint32_t bin_count;            ///< covers station_start .. station_end
+    const vg_bin* bins;
+} vg_lane;
+
+/// How a vehicle on lane B appears to one on lane A (row A, column B).
+/// Its station as A sees it is station_B + offset, its lateral position y_B + lateral.
+typedef struct vg_relation {
+    float   offset;   ///< [m] add to B's station
+    float   lateral;  ///< [m] add to B's y
+    float   period;   ///< [m] > 0: A lies on a ring of this length; wrap differences into +-period/2
+    float   touch;    ///< [m] A's station from which bodies on A and B can touch. -VG_HUGE: anywhere
+                      ///< (same bundle, or joined by successors); merging lanes: where the lanes
+                      ///< come close; lanes that only see each other through a merge: +VG_HUGE before
+    uint8_t kind;     ///< vg_relation_kind
+} vg_relation;
+
+typedef enum vg_relation_kind {
+    VG_UNRELATED = 0,  ///< they never see each other as leader or follower
+    VG_SAME_BUNDLE,
+    VG_DOWNSTREAM,     ///< B is reached from A's bundle by successors
+    VG_UPSTREAM,       ///< the reverse
+    VG_MERGING,        ///< both lead to a common lane downstream
+    VG_DIVERGED,       ///< both come from a common lane and still run through the same area
+} vg_relation_kind;
+
+/// Stretches of two lanes, not related above, where bodies of up to 2.6 m could touch
+/// (a crossing, a roundabout entry that no successor describes). Stored for both orders.
+typedef struct vg_conflict {
+    uint32_t lane, other;          ///< lane indices
+    float    from, to;             ///< [m] stretch of `lane`, in its stations
+    float    other_from, other_to; ///< [m] stretch of `other`, in its stations
+} vg_conflict;
+
+struct verge_road {
+    uint32_t lane_count;
+    vg_lane* lanes;
+    vg_relation* relations;        ///< [lane_count][lane_count]
+    uint64_t* on_route;            ///< [lane][target + 1]: lanes (bits) that a vehicle on `lane` that
+                                   ///< wants to `target` (index, -1 none) has to look at as leaders or
+                                   ///< followers: related lanes less the branches it will not take
+    uint8_t* changes;              ///< [lane][target]: lane changes needed to reach target; 255: never
+    int8_t*  move;                 ///< [lane][target]: +1 change left is the way, -1 right, 0 drive on
+    int32_t* next;                 ///< [lane][target + 1]: lane index that continues lane, -1 none
+    uint64_t* continues;           ///< [target]: lanes (bits) that are target or continue it
+    uint32_t conflict_count;
+    vg_conflict* conflicts;        ///< ordered by lane
+    uint64_t conflict_lanes;       ///< lanes (bits) that have any
+};
+
+/// Builds a road in the arena (see arena.h: a measuring arena gives the size). scratch is used
+/// and emptied. The def must have passed verge_road_check().
+struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge_road_def* def);
+/// Bytes of scratch vg_road_build() needs.
+size_t vg_road_scratch_size(const verge_road_def* def);
+
+int32_t vg_road_lane_index(const struct verge_road* road, int32_t lane_id); ///< -1 unknown
+
+/// Station <-> arc length of one lane; linear beyond the ends.
+double vg_lane_station(const vg_lane* lane, double s);
+double vg_lane_s(const vg_lane* lane, double station);
+
+/// A smooth reference path for one vehicle's trajectory: a lane, the lanes before it and the
+/// lanes that continue it, joined into one C2 spline; beyond the last lane it goes on straight.
+enum { VG_PATH_KNOTS_MAX = 640 };
+typedef struct vg_path {
+    uint32_t knot_count;
+    double   knot_spacing;         ///< [m] uniform
+    double   start;                ///< [m] path coordinate of knot 0 (<= 0: before the anchor lane's s = 0)
+    double   x[VG_PATH_KNOTS_MAX], y[VG_PATH_KNOTS_MAX];
+    double   xss[VG_PATH_KNOTS_MAX], yss[VG_PATH_KNOTS_MAX];
+    uint32_t anchor;               ///< lane index; the path coordinate equals the anchor lane's s on it
+} vg_path;
+
+/// Path along `lane` (index) towards `target` (index or -1), covering [s_from, s_to] of the lane's
+/// s, which may lie before its start or beyond its end. Cut to what fits; s_to - s_from <= 600.
+void vg_path_build(vg_path* path, const struct verge_road* road, uint32_t lane, int32_t target,
+                   double s_from, double s_to);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

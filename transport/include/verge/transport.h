@@ -1,0 +1,111 @@
+/// One small interface to every bus: open by URL, poll a descriptor, drain into fixed slots,
+/// publish, read the counters.
+///
+///     transport* bus;
+///     char error[256];
+///     if (transport_open(&bus, "lcm:udpm://239.255.76.67:7667?ttl=0", TRANSPORT_STATES, error, sizeof error)) ...
+///     poll(transport_fd(bus)); n = transport_drain(bus, messages, 64);
+///     transport_publish_plan(bus, &plan);
+///
+/// Memory      transport_open() allocates, transport_close() frees, nothing between them does.
+/// Threads     Draining and publishing may happen in two threads; each of them in one at a time.
+/// URLs        lcm:URL (any LCM UDP multicast URL), loop: or loop:NAME (in process; every open end
+///             of one name hears the others), log:FILE (an LCM event log: read, or written when
+///             opened with TRANSPORT_RECORD).
+#ifndef VERGE_TRANSPORT_H
+#define VERGE_TRANSPORT_H
+
+#include "verge_rsu_status_t.h"
+#include "verge_vehicle_plan_t.h"
+#include "verge_vehicle_state_t.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct transport transport;
+
+typedef enum transport_kind {
+    TRANSPORT_NONE = 0,
+    TRANSPORT_STATE,  ///< VERGE_STATE, verge_vehicle_state_t
+    TRANSPORT_PLAN,   ///< VERGE_PLAN, verge_vehicle_plan_t
+    TRANSPORT_STATUS, ///< VERGE_STATUS, verge_rsu_status_t
+    TRANSPORT_MARK,   ///< VERGE_CYCLE, only in logs written by the daemon: a cycle or overrun mark
+} transport_kind;
+
+/// What to receive (bits); what is not asked for is skipped unseen.
+enum {
+    TRANSPORT_STATES = 1u << TRANSPORT_STATE,
+    TRANSPORT_PLANS = 1u << TRANSPORT_PLAN,
+    TRANSPORT_STATUSES = 1u << TRANSPORT_STATUS,
+    TRANSPORT_MARKS = 1u << TRANSPORT_MARK,
+    TRANSPORT_RECORD = 1u << 16, ///< log: only: create the file and write what is published
+};
+
+/// A mark in a daemon's own log: "at utime, cycle N was planned (with these clock readings)".
+typedef struct transport_mark {
+    int64_t utime;    ///< [us] plan instant
+    int64_t cycle;
+    int32_t overrun;  ///< 1: this cycle's plan came too late and was replaced
+} transport_mark;
+
+/// A received, decoded message. Its crc32 was right; its values are not checked yet (wire.h).
+typedef struct transport_message {
+    transport_kind kind;
+    int64_t        arrival_utime; ///< [us] clock at drain; the event's own time for log:
+    union {
+        verge_vehicle_state_t state;
+        verge_vehicle_plan_t  plan;
+        verge_rsu_status_t    status;
+        transport_mark        mark;
+    } as;
+} transport_message;
+
+typedef struct transport_stats {
+    uint64_t received;  ///< messages handed out by transport_drain()
+    uint64_t published;
+    uint64_t malformed; ///< truncated, oversized, foreign type, wrong crc32, not LCM at all
+    uint64_t foreign;   ///< well-formed messages of channels not asked for
+    uint64_t dropped;   ///< by the kernel's socket buffer (SO_RXQ_OVFL) or a full loop: queue
+    uint64_t errors;    ///< failed sends or receives
+} transport_stats;
+
+/// What transport_open() answers.
+typedef enum transport_result {
+    TRANSPORT_OK = 0,
+    TRANSPORT_BAD_URL = -1,     ///< not a URL of ours
+    TRANSPORT_UNAVAILABLE = -2, ///< no such bus now: no multicast route, no interface, no file
+} transport_result;
+
+/// Opens a bus. On failure *bus is null and error holds one line that says what to do.
+int  transport_open(transport** bus, const char* url, unsigned receive, char* error, size_t error_size);
+void transport_close(transport* bus); ///< null is fine
+
+/// Descriptor for poll(); -1 for log: (always ready until transport_ended()).
+int  transport_fd(const transport* bus);
+/// Takes at most max waiting messages, never blocks. Returns how many.
+uint32_t transport_drain(transport* bus, transport_message* messages, uint32_t max);
+/// log: nothing more will come.
+bool transport_ended(const transport* bus);
+
+/// Encode, fill in crc32 and send. 0, or -1 when the bus refused (counted, never fatal).
+int  transport_publish_state(transport* bus, const verge_vehicle_state_t* state);
+int  transport_publish_plan(transport* bus, const verge_vehicle_plan_t* plan);
+int  transport_publish_status(transport* bus, const verge_rsu_status_t* status);
+/// log: recording only: as above but with the event's own time, and marks.
+int  transport_record(transport* bus, int64_t event_utime, const transport_message* message);
+
+transport_stats transport_statistics(const transport* bus);
+
+/// zlib's CRC-32 (polynomial 0xEDB88320) of size bytes.
+uint32_t transport_crc32(const void* bytes, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -12,7 +12,8 @@ extern "C" {
 #define VERGE_ASSERT(condition) ((void)0)
 #else
 /// The handler is the library's only way out; a program may bring its own.
-_Noreturn void verge_assert_failed(const char* condition, const char* file, int line);
+void verge_assert_failed(const char* condition, const char* file, int line)
+    __attribute__((noreturn));
 #define VERGE_ASSERT(condition) \
     ((condition) ? (void)0 : verge_assert_failed(#condition, __FILE__, __LINE__))
 #endif

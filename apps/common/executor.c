@@ -1,0 +1,121 @@
+/// One mutex, two conditions, one counter of work handed out. A planning step has a few dozen
+/// tasks of about a millisecond each, so taking the mutex once a task costs nothing that shows.
+#include "executor.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+struct executor {
+    pthread_mutex_t mutex;
+    pthread_cond_t  work_ready;
+    pthread_cond_t  work_done;
+    void          (*task)(void* arg, uint32_t index);
+    void*           arg;
+    uint32_t        count;    // tasks of the current run
+    uint32_t        next;     // first task not yet taken
+    uint32_t        finished; // tasks that are over
+    bool            closing;
+    uint32_t        helper_count;
+    pthread_t       helpers[EXECUTOR_THREADS_MAX];
+};
+
+static void  take_tasks(executor* pool);
+static void* help(void* context);
+
+executor* executor_create(uint32_t threads)
+{
+    if (threads < 1 || threads > EXECUTOR_THREADS_MAX) {
+        return NULL;
+    }
+    executor* pool = calloc(1, sizeof *pool);
+    if (pool == NULL) {
+        return NULL;
+    }
+    pthread_mutex_init(&pool->mutex, NULL);
+    pthread_cond_init(&pool->work_ready, NULL);
+    pthread_cond_init(&pool->work_done, NULL);
+
+    // Helpers inherit a mask that blocks everything: signals belong to the thread that started us.
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    bool started = true;
+    while (started && pool->helper_count + 1 < threads) {
+        started = pthread_create(&pool->helpers[pool->helper_count], NULL, help, pool) == 0;
+        pool->helper_count += started ? 1 : 0;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (!started) {
+        executor_destroy(pool);
+        return NULL;
+    }
+    return pool;
+}
+
+void executor_destroy(executor* pool)
+{
+    if (pool == NULL) {
+        return;
+    }
+    pthread_mutex_lock(&pool->mutex);
+    pool->closing = true;
+    pthread_cond_broadcast(&pool->work_ready);
+    pthread_mutex_unlock(&pool->mutex);
+    for (uint32_t i = 0; i < pool->helper_count; i++) {
+        pthread_join(pool->helpers[i], NULL);
+    }
+    pthread_cond_destroy(&pool->work_done);
+    pthread_cond_destroy(&pool->work_ready);
+    pthread_mutex_destroy(&pool->mutex);
+    free(pool);
+}
+
+void executor_run(void* context, void (*task)(void* arg, uint32_t index), void* arg,
+                  uint32_t count)
+{
+    executor* pool = context;
+    pthread_mutex_lock(&pool->mutex);
+    pool->task = task;
+    pool->arg = arg;
+    pool->count = count;
+    pool->next = 0;
+    pool->finished = 0;
+    pthread_cond_broadcast(&pool->work_ready);
+    take_tasks(pool);
+    while (pool->finished < pool->count) {
+        pthread_cond_wait(&pool->work_done, &pool->mutex);
+    }
+    pthread_mutex_unlock(&pool->mutex);
+}
+
+/// Works until no task is left to take. The mutex is held on entry and on return.
+static void take_tasks(executor* pool)
+{
+    while (pool->next < pool->count) {
+        const uint32_t index = pool->next++;
+        pthread_mutex_unlock(&pool->mutex);
+        pool->task(pool->arg, index);
+        pthread_mutex_lock(&pool->mutex);
+        pool->finished++;
+        if (pool->finished == pool->count) {
+            pthread_cond_signal(&pool->work_done);
+        }
+    }
+}
+
+static void* help(void* context)
+{
+    executor* pool = context;
+    pthread_mutex_lock(&pool->mutex);
+    while (!pool->closing) {
+        take_tasks(pool);
+        // A new run may have begun while the last task was under way: look before sleeping.
+        if (!pool->closing && pool->next >= pool->count) {
+            pthread_cond_wait(&pool->work_ready, &pool->mutex);
+        }
+    }
+    pthread_mutex_unlock(&pool->mutex);
+    return NULL;
+}

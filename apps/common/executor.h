@@ -1,0 +1,38 @@
+/// A fixed pool of threads that carries out the tasks of one planning step.
+///
+///     executor* pool = executor_create(4);
+///     def.executor = executor_run;
+///     def.executor_context = pool;
+///     ...
+///     executor_destroy(pool);
+///
+/// Memory      executor_create() allocates and starts the threads; executor_run() does neither.
+/// Threads     One caller at a time. The caller works too: threads - 1 helpers are started.
+/// Sameness    Which thread runs which task is left open; tasks share nothing, so the plan does
+///             not depend on it.
+#ifndef VERGE_APPS_EXECUTOR_H
+#define VERGE_APPS_EXECUTOR_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct executor executor;
+
+enum { EXECUTOR_THREADS_MAX = 64 };
+
+/// threads: 1 .. EXECUTOR_THREADS_MAX, the caller included. Null when the system refuses.
+executor* executor_create(uint32_t threads);
+void executor_destroy(executor* pool); ///< null is fine
+
+/// A verge_executor: context is the pool.
+void executor_run(void* context, void (*task)(void* arg, uint32_t index), void* arg,
+                  uint32_t count);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,106 @@
+#include "worker.h"
+
+#include <assert.h>
+#include <pthread.h>
+#include <semaphore.h>
+#include <signal.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+struct worker {
+    pthread_t thread;
+    sem_t     jobs;    // posted once a job, and once to close
+    int       done_fd; // eventfd: ended jobs that are not collected
+    bool      busy;    // of the main thread only
+    bool      closing; // written before the last post
+    void    (*job)(void* arg);
+    void*     arg;
+};
+
+static void* work(void* context);
+
+worker* worker_create(void)
+{
+    worker* self = calloc(1, sizeof *self);
+    if (self == NULL) {
+        return NULL;
+    }
+    self->done_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    if (self->done_fd < 0 || sem_init(&self->jobs, 0, 0) != 0) {
+        free(self);
+        return NULL;
+    }
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    const int refused = pthread_create(&self->thread, NULL, work, self);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (refused) {
+        close(self->done_fd);
+        sem_destroy(&self->jobs);
+        free(self);
+        return NULL;
+    }
+    return self;
+}
+
+void worker_destroy(worker* self)
+{
+    if (self == NULL) {
+        return;
+    }
+    self->closing = true;
+    sem_post(&self->jobs);
+    pthread_join(self->thread, NULL);
+    sem_destroy(&self->jobs);
+    close(self->done_fd);
+    free(self);
+}
+
+int worker_fd(const worker* self)
+{
+    return self->done_fd;
+}
+
+void worker_start(worker* self, void (*job)(void* arg), void* arg)
+{
+    assert(!self->busy);
+    self->busy = true;
+    self->job = job;
+    self->arg = arg;
+    sem_post(&self->jobs);
+}
+
+bool worker_busy(const worker* self)
+{
+    return self->busy;
+}
+
+bool worker_collect(worker* self)
+{
+    uint64_t ended = 0;
+    if (read(self->done_fd, &ended, sizeof ended) != (ssize_t)sizeof ended) {
+        return false;
+    }
+    assert(self->busy && ended == 1);
+    self->busy = false;
+    return true;
+}
+
+static void* work(void* context)
+{
+    worker* self = context;
+    for (;;) {
+        while (sem_wait(&self->jobs) != 0) {
+        }
+        if (self->closing) {
+            return NULL;
+        }
+        self->job(self->arg);
+        const uint64_t one = 1;
+        const ssize_t ignored = write(self->done_fd, &one, sizeof one);
+        (void)ignored;
+    }
+}

@@ -1,0 +1,28 @@
+/// One thread that plans while the daemon's main thread keeps listening.
+///
+/// A planning step may take most of a cycle, and stopping has to work within a second whatever
+/// the planner is doing. So the step runs here, and the main thread hears of its end through a
+/// descriptor. One job at a time; between worker_start() and the end told by the descriptor the
+/// job's data belongs to the worker. Nothing is allocated after worker_create().
+#ifndef VERGE_RSU_WORKER_H
+#define VERGE_RSU_WORKER_H
+
+#include <stdbool.h>
+
+typedef struct worker worker;
+
+/// Null when the system refuses a thread or a descriptor.
+worker* worker_create(void);
+/// Waits for a running job. Null is fine.
+void worker_destroy(worker* self);
+
+/// Descriptor that becomes readable when the job is over.
+int worker_fd(const worker* self);
+/// Starts job(arg). There is no job under way.
+void worker_start(worker* self, void (*job)(void* arg), void* arg);
+/// Is a job under way, or over but not yet collected?
+bool worker_busy(const worker* self);
+/// Collects the end of a job. True once a job: its results may be read now.
+bool worker_collect(worker* self);
+
+#endif

@@ -1,0 +1,75 @@
+"""Claim: arrows point one way, apps -> transport -> core, and core includes next to nothing.
+
+    layers.py SOURCE_DIR
+
+Reads every #include of the three layers. Exit 1 names each line that points the wrong way.
+"""
+import pathlib
+import re
+import sys
+
+# What core may know of the outside: freestanding C headers, string.h for the memory functions,
+# and the mathematics of Eigen inside a .cpp.
+CORE_SYSTEM = {
+    "stdint.h", "stddef.h", "stdbool.h", "limits.h", "float.h", "string.h", "assert.h",
+    "cstdint", "cstddef", "cstring", "climits", "cfloat",
+}
+CORE_EIGEN = re.compile(r"^Eigen/")
+INCLUDE = re.compile(r'^\s*#\s*include\s+([<"])([^>"]+)[>"]')
+SOURCES = {".h", ".c", ".cpp", ".hpp", ".cc", ".inc"}
+
+
+def includes(folder):
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in SOURCES:
+            for number, line in enumerate(path.read_text().splitlines(), 1):
+                match = INCLUDE.match(line)
+                if match:
+                    yield path, number, match.group(1), match.group(2)
+
+
+def names_of(folder):
+    """Header names as they are written in an #include: relative to their folder or to include/."""
+    found = set()
+    for path in folder.rglob("*.h"):
+        found.add(path.name)
+        parts = path.parts
+        if "include" in parts:
+            found.add("/".join(parts[parts.index("include") + 1:]))
+    return found
+
+
+def core_faults(root, own, foreign):
+    for path, number, bracket, name in includes(root / "core"):
+        eigen = CORE_EIGEN.match(name)
+        if bracket == '"' and name in own and name not in foreign - own:
+            continue
+        if bracket == "<" and name in CORE_SYSTEM:
+            continue
+        if eigen and path.suffix == ".cpp":
+            continue
+        why = "Eigen belongs into a .cpp of core" if eigen else "core may not include this"
+        yield f"{path.relative_to(root)}:{number}: {name}: {why}"
+
+
+def transport_faults(root, apps, allowed):
+    for path, number, bracket, name in includes(root / "transport"):
+        if bracket == '"' and name in apps - allowed:
+            yield f"{path.relative_to(root)}:{number}: {name}: transport may not include apps"
+        if "cJSON" in name or "Eigen" in name:
+            yield f"{path.relative_to(root)}:{number}: {name}: not for transport"
+
+
+def main():
+    root = pathlib.Path(sys.argv[1]).resolve()
+    core, transport, apps = (names_of(root / name) for name in ("core", "transport", "apps"))
+    faults = list(core_faults(root, core, transport | apps))
+    faults += transport_faults(root, apps, core | transport)
+    for fault in faults:
+        print(fault, file=sys.stderr)
+    count = sum(1 for layer in ("core", "transport", "apps") for _ in includes(root / layer))
+    print(f"{count} includes read, {len(faults)} point the wrong way")
+    return 1 if faults or count < 50 else 0
+
+
+sys.exit(main())

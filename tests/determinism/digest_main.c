@@ -1,0 +1,133 @@
+/// Plans every scenario for a few cycles and prints the digest of each plan:
+///
+///     ramp-3av 0 6c1f0a3b5d7e9f10
+///
+/// Needs the core and nothing else, so it runs wherever the core compiles: this is the program the
+/// determinism tests build with every compiler and for every machine, and whose output they
+/// compare with tests/golden.txt. Cycle 0 is what verge-plan prints for the scenario.
+///
+/// Between two cycles controlled vehicles are moved to where their plan puts them, and the others
+/// as the planner predicts them; so a difference of one bit anywhere grows.
+#include "verge/verge.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/// A vehicle of a scenario; habit_kind -1: the habit is spelled out.
+typedef struct vehicle_row {
+    int32_t id;
+    bool    controlled;
+    double  x, y, heading, speed, acceleration, length, width;
+    int32_t target_lane;
+    int     habit_kind;
+    double  cooperation;
+    double  weights[6];
+} vehicle_row;
+
+typedef struct scenario {
+    const char*           name;
+    const verge_lane_def* lanes;
+    uint32_t              lane_count;
+    const vehicle_row*    vehicles;
+    uint32_t              vehicle_count;
+    void (*set)(verge_planner_def* def);
+} scenario;
+
+#include "scenarios.inc"
+
+enum {
+    CYCLES = 4,        // the first without, the others with a plan to keep to
+    CYCLE_POINTS = 5,  // points of the trajectory driven between two cycles
+};
+
+static verge_plan plan; // large: not on the stack
+
+static verge_vehicle vehicle_from(const vehicle_row* row)
+{
+    verge_vehicle vehicle = verge_vehicle_default();
+    vehicle.id = row->id;
+    vehicle.controlled = row->controlled;
+    vehicle.x = row->x;
+    vehicle.y = row->y;
+    vehicle.heading = row->heading;
+    vehicle.speed = row->speed;
+    vehicle.acceleration = row->acceleration;
+    vehicle.length = row->length;
+    vehicle.width = row->width;
+    vehicle.target_lane = row->target_lane;
+    if (row->habit_kind >= 0) {
+        vehicle.habit = verge_habit_of((verge_habit_kind)row->habit_kind);
+    } else {
+        const double* w = row->weights;
+        const verge_weights weights = {w[0], w[1], w[2], w[3], w[4], w[5]};
+        vehicle.habit.cooperation = row->cooperation;
+        vehicle.habit.weights = weights;
+    }
+    return vehicle;
+}
+
+static void follow_plans(verge_vehicle* vehicles, uint32_t vehicle_count)
+{
+    for (uint32_t v = 0; v < vehicle_count; v++) {
+        for (uint32_t p = 0; p < plan.vehicle_count; p++) {
+            const verge_vehicle_plan* own = &plan.vehicles[p];
+            if (own->vehicle_id == vehicles[v].id && own->point_count > CYCLE_POINTS) {
+                const verge_point* at = &own->points[CYCLE_POINTS];
+                vehicles[v].x = at->x;
+                vehicles[v].y = at->y;
+                vehicles[v].heading = at->heading;
+                vehicles[v].speed = at->speed;
+                vehicles[v].acceleration = at->acceleration;
+                vehicles[v].yaw_rate = at->speed * at->curvature;
+            }
+        }
+    }
+}
+
+/// Returns 0, or 1 with a line on standard error where the planner refuses the scenario.
+static int plan_scenario(const scenario* scene)
+{
+    verge_planner_def def = verge_planner_default_def();
+    def.road.lanes = scene->lanes;
+    def.road.lane_count = scene->lane_count;
+    scene->set(&def);
+
+    const size_t size = (verge_planner_memory_size(&def) + 63) / 64 * 64;
+    void* memory = size > 0 ? aligned_alloc(64, size) : NULL;
+    verge_planner* planner = NULL;
+    verge_status status = verge_planner_init(&planner, &def, memory, size);
+
+    static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
+    const uint32_t count = scene->vehicle_count;
+    for (uint32_t v = 0; v < count && v < VERGE_VEHICLES_MAX; v++) {
+        vehicles[v] = vehicle_from(&scene->vehicles[v]);
+    }
+    for (uint32_t cycle = 0; cycle < CYCLES && status == VERGE_OK; cycle++) {
+        const int64_t cycle_us = (int64_t)(def.point_s * CYCLE_POINTS * 1e6 + 0.5);
+        status = verge_planner_step(planner, cycle * cycle_us, vehicles, count, &plan);
+        if (status == VERGE_OK) {
+            printf("%s %" PRIu32 " %016" PRIx64 "\n", scene->name, cycle, plan.digest);
+            verge_planner_advance_humans(planner, vehicles, count, def.point_s * CYCLE_POINTS);
+            follow_plans(vehicles, count);
+        }
+    }
+    free(memory);
+    if (status != VERGE_OK) {
+        fprintf(stderr, "%s: %s\n", scene->name, verge_status_text(status));
+    }
+    return status == VERGE_OK ? 0 : 1;
+}
+
+int main(int argc, char** argv)
+{
+    int failed = 0;
+    for (size_t i = 0; i < sizeof scenarios / sizeof scenarios[0]; i++) {
+        if (argc < 2 || strcmp(argv[1], scenarios[i].name) == 0) {
+            failed |= plan_scenario(&scenarios[i]);
+            fflush(stdout);
+        }
+    }
+    return failed;
+}

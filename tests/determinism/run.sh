@@ -1,0 +1,60 @@
+#!/bin/bash
+# Claim: the same digests from every compiler, optimisation and machine.
+#
+#     run.sh VARIANT SOURCE_DIR WORK_DIR            compare with tests/golden.txt
+#     run.sh VARIANT SOURCE_DIR WORK_DIR --print    print the digests only
+#
+# VARIANT: gcc-O0 (asserts on), gcc-native (-O3, this machine's instructions), clang (-O2),
+# aarch64 (-O2, run by qemu). Exit 77 where the compiler or emulator is not installed.
+set -euo pipefail
+variant=$1
+source_dir=$2
+build=$3/$variant
+golden=$source_dir/tests/golden.txt
+runner=()
+
+need() {
+    command -v "$1" >/dev/null || { echo "SKIPPED: $1 is not installed (tools/setup)"; exit 77; }
+}
+
+case $variant in
+gcc-O0) arguments=(-DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_COMPILER=gcc -DCMAKE_CXX_COMPILER=g++) ;;
+gcc-native)
+    arguments=(-DCMAKE_BUILD_TYPE=Release -DCMAKE_C_COMPILER=gcc -DCMAKE_CXX_COMPILER=g++
+        -DCMAKE_C_FLAGS=-march=native -DCMAKE_CXX_FLAGS=-march=native)
+    ;;
+clang)
+    need clang-14
+    arguments=(-DCMAKE_BUILD_TYPE=RelWithDebInfo
+        -DCMAKE_C_COMPILER=clang-14 -DCMAKE_CXX_COMPILER=clang++-14)
+    ;;
+aarch64)
+    need aarch64-linux-gnu-g++
+    need qemu-aarch64
+    runner=(qemu-aarch64 -L /usr/aarch64-linux-gnu)
+    arguments=(-DCMAKE_BUILD_TYPE=RelWithDebInfo
+        -DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=aarch64
+        -DCMAKE_C_COMPILER=aarch64-linux-gnu-gcc -DCMAKE_CXX_COMPILER=aarch64-linux-gnu-g++)
+    ;;
+*) echo "unknown variant $variant" >&2; exit 2 ;;
+esac
+
+mkdir -p "$build"
+{ cmake -S "$source_dir/tests/determinism" -B "$build" "${arguments[@]}" &&
+    cmake --build "$build" --target verge_digest; } >"$build/log.txt" 2>&1 ||
+    { cat "$build/log.txt" >&2; exit 1; }
+
+actual=$build/digests.txt
+started=$SECONDS
+"${runner[@]}" "$build/verge_digest" >"$actual"
+if [ "${4:-}" = --print ]; then
+    cat "$actual"
+    exit 0
+fi
+if ! grep -v '^#' "$golden" | diff - "$actual" >"$build/difference.txt"; then
+    echo "$variant: digests differ from tests/golden.txt (<), actual values (>):" >&2
+    cat "$build/difference.txt" >&2
+    echo "If the change of behaviour is meant: tools/check --accept-golden, then commit." >&2
+    exit 1
+fi
+echo "$variant: $(wc -l <"$actual") digests as in tests/golden.txt, $((SECONDS - started)) s"

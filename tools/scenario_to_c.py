@@ -1,0 +1,131 @@
+"""Turns scenario files into C tables, so that a program without JSON can plan them.
+
+    scenario_to_c.py SCENARIO.json... > scenarios.c
+
+The tables are what verge-plan makes of the same files: the state at t = 0, in the order of the
+file. Numbers are written with all their digits; the C compiler reads them as the JSON reader does.
+Included by tests/determinism/digest_main.c, which explains the rest.
+"""
+import json
+import pathlib
+import sys
+
+HABITS = {"aggressive": 0, "normal": 1, "conservative": 2}
+WEIGHTS = ("curvature", "heading", "offset", "acceleration", "jerk", "obstacle")
+SEARCH = {"paper": "VERGE_SEARCH_PAPER", "best": "VERGE_SEARCH_BEST"}
+
+
+def number(value):
+    return repr(float(value))
+
+
+def lane_id(value):
+    return "VERGE_NO_LANE" if value is None else str(int(value))
+
+
+def stretches(lane, side):
+    given = lane.get(f"change_{side}")
+    if given is None:
+        return ""
+    rows = ", ".join(f"{{{number(a)}, {number(b)}}}" for a, b in given)
+    text = f", .change_{side}_given = true, .change_{side}_count = {len(given)}"
+    return text + (f", .change_{side} = {{{rows}}}" if given else "")
+
+
+def lane_tables(name, lanes):
+    for index, lane in enumerate(lanes):
+        points = ",\n    ".join(f"{{{number(x)}, {number(y)}}}" for x, y in lane["centerline"])
+        yield f"static const double {name}_points_{index}[][2] = {{\n    {points}}};"
+    yield f"static const verge_lane_def {name}_lanes[] = {{"
+    for index, lane in enumerate(lanes):
+        next_lanes = lane.get("successors", [])
+        ids = f", .successors = {{{', '.join(map(str, next_lanes))}}}" if next_lanes else ""
+        yield (
+            f"    {{.id = {lane['id']}, .points = {name}_points_{index},"
+            f" .point_count = {len(lane['centerline'])},\n"
+            f"     .width = {number(lane['width'])}, .speed_limit = {number(lane['speed_limit'])},\n"
+            f"     .left = {lane_id(lane.get('left'))}, .right = {lane_id(lane.get('right'))},\n"
+            f"     .successor_count = {len(next_lanes)}{ids}"
+            f"{stretches(lane, 'left')}{stretches(lane, 'right')}}},"
+        )
+    yield "};"
+
+
+def at_start(vehicle):
+    """The vehicle's state at t = 0, or None if its track brings it into the scene later."""
+    track = vehicle.get("track")
+    if not track:
+        return vehicle
+    t, x, y, heading, speed = track[0]
+    if t > 0.0:
+        return None
+    return {**vehicle, "x": x, "y": y, "heading": heading, "speed": speed}
+
+
+def vehicle_row(vehicle):
+    habit = vehicle.get("habit", "normal")
+    weights = [0.0] * len(WEIGHTS)
+    cooperation = 0.0
+    kind = -1
+    if isinstance(habit, dict):
+        cooperation = habit["cooperation"]
+        weights = [habit["weights"][key] for key in WEIGHTS]
+    else:
+        kind = HABITS[habit]
+    target = vehicle.get("target_lane")
+    return (
+        f"    {{{vehicle['id']}, {'true' if vehicle['control'] == 'controlled' else 'false'},"
+        f" {number(vehicle['x'])}, {number(vehicle['y'])}, {number(vehicle['heading'])},\n"
+        f"     {number(vehicle['speed'])}, {number(vehicle.get('acceleration', 0.0))},"
+        f" {number(vehicle['length'])}, {number(vehicle['width'])}, {lane_id(target)},\n"
+        f"     {kind}, {number(cooperation)}, {{{', '.join(map(number, weights))}}}}},"
+    )
+
+
+def assignment(key, value):
+    if key == "search":
+        return f"    def->search = {SEARCH[value]};"
+    if isinstance(value, bool):
+        return f"    def->{key} = {int(value)};"
+    return f"    def->{key} = {value if isinstance(value, int) else number(value)};"
+
+
+def scenario(path):
+    data = json.loads(path.read_text())
+    name = "s_" + "".join(c if c.isalnum() else "_" for c in path.stem)
+    yield f"// {path.name}"
+    yield from lane_tables(name, data["road"]["lanes"])
+    vehicles = [v for v in map(at_start, data["vehicles"]) if v is not None]
+    yield f"static const vehicle_row {name}_vehicles[] = {{"
+    yield from map(vehicle_row, vehicles)
+    yield "};"
+    yield f"static void {name}_def(verge_planner_def* def)\n{{"
+    planner = data.get("planner", {})
+    yield from (assignment(key, value) for key, value in planner.items())
+    yield "" if planner else "    (void)def;"
+    yield "}\n"
+    return (
+        f'    {{"{path.stem}", {name}_lanes, {len(data["road"]["lanes"])}, {name}_vehicles,'
+        f" {len(vehicles)}, {name}_def}},"
+    )
+
+
+def main():
+    print("// Made by tools/scenario_to_c.py; edit the scenarios instead.")
+    table = []
+    for path in sorted(map(pathlib.Path, sys.argv[1:]), key=lambda p: p.stem):
+        if json.loads(path.read_text()).get("format") != "verge-scenario/1":
+            continue
+        lines = scenario(path)
+        while True:
+            try:
+                print(next(lines))
+            except StopIteration as end:
+                table.append(end.value)
+                break
+    print("static const scenario scenarios[] = {")
+    print("\n".join(table))
+    print("};")
+
+
+main()

@@ -1,0 +1,22 @@
+/// A road from JSON: the `road` object of scenarios and of the daemon's configuration.
+///
+///     { "lanes": [ { "id": 0, "centerline": [[x, y], ...], "width": 3.75, "speed_limit": 33.0,
+///                    "left": 1, "right": null, "successors": [7],
+///                    "change_left": [[s0, s1], ...], "change_right": [] } ] }
+///
+/// centerline [m] in travel direction, 2 to 1,024 points; width [m]; speed_limit [m/s]. left,
+/// right (null or absent: none) and successors (absent: none) are lane ids. change_left and
+/// change_right: the stretches [m] of this lane where changing is allowed (absent: wherever the
+/// neighbour runs beside; empty: nowhere). What makes a road buildable: verge_road_check().
+#ifndef VERGE_APPS_ROAD_JSON_H
+#define VERGE_APPS_ROAD_JSON_H
+
+#include "json.h"
+#include "verge/road.h"
+
+/// Reads the road at `at`. def and the memory behind it are the caller's to free with
+/// road_json_free(), also where false is returned (trouble in at->file->error).
+bool road_from_json(const json_at* at, verge_road_def* def);
+void road_json_free(verge_road_def* def);
+
+#endif

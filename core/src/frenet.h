@@ -40,14 +40,16 @@ vg_reference vg_lane_at(const vg_lane* lane, double s); ///< straight on beyond 
 double vg_path_project(const vg_path* path, double x, double y, double s_guess);
 double vg_lane_project(const vg_lane* lane, double x, double y, double s_guess);
 
-/// At standstill (speed < 1e-9) s_t = d_t = 0 and d_tt = s_tt * tan(heading difference).
+/// At standstill (speed < 1e-9) s_t = d_t = 0; s_tt and d_tt are the acceleration along the heading.
 vg_frenet vg_frenet_from_motion(const vg_reference* at, double s, const vg_motion* motion);
 /// Where speed < 1e-6 heading and curvature come from heading_slow and are 0.
-vg_motion vg_motion_from_frenet(const vg_reference* at, const vg_frenet* frenet, double heading_slow);
+vg_motion vg_motion_from_frenet(const vg_reference* at, const vg_frenet* frenet,
+                                double heading_slow);
 
 /// The centre's motion from the rear axle's and back; see VERGE_REAR_AXLE. curvature is yaw rate
 /// over speed of the point in question. The centre's acceleration needs the curvature's rate in
-/// time [1/(m s)] of the rear axle, to be exact.
+/// time [1/(m s)] of the rear axle, to be exact. The way back takes that rate as 0, and limits
+/// the curvature to what a car can turn. heading is that of the body in both.
 vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t);
 vg_motion vg_motion_of_rear(const vg_motion* centre);
 

@@ -43,7 +43,8 @@ def lane_tables(name, lanes):
         yield (
             f"    {{.id = {lane['id']}, .points = {name}_points_{index},"
             f" .point_count = {len(lane['centerline'])},\n"
-            f"     .width = {number(lane['width'])}, .speed_limit = {number(lane['speed_limit'])},\n"
+            f"     .width = {number(lane['width'])},"
+            f" .speed_limit = {number(lane['speed_limit'])},\n"
             f"     .left = {lane_id(lane.get('left'))}, .right = {lane_id(lane.get('right'))},\n"
             f"     .successor_count = {len(next_lanes)}{ids}"
             f"{stretches(lane, 'left')}{stretches(lane, 'right')}}},"

@@ -1,0 +1,526 @@
+#!/usr/bin/python3
+"""Draws a run: where everybody drove, what was decided, and how fast.
+
+    plot.py RUN.jsonl OUT.png
+
+Top: the road as surveyed, to scale. A controlled vehicle is a coloured path with its body drawn
+every two seconds (the time stands inside, brake lights and turn signals are lit), and its actions
+are named where they begin. Humans are grey. A long road is read like text: each row continues the
+one above. Below: speeds, and the action each controlled vehicle was in at each moment.
+
+The run file is that of verge-sim and verge-publish, format verge-run/1.
+"""
+import json
+import math
+import pathlib
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.patches import Circle, Patch, Polygon
+
+FIGURE_WIDTH = 13.0     # [in]
+SIDE = 0.62             # [in] left of every panel
+LEGEND = 1.55           # [in] right of the speed panel
+ROAD_HEIGHT_MAX = 7.0   # [in] one row of road
+MARK_S = 2.0            # [s] between two drawn bodies
+MARGIN = 9.0            # [m] of road shown before and after the paths
+MARGIN_SIDE = 3.5       # [m] shown beside the road, room for words
+RESAMPLE = 1.0          # [m] between points of a lane edge
+
+# Okabe and Ito's palette first: told apart by everyone, also in grey.
+COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#7B3294", "#8C510A",
+          "#C51B7D", "#1B7837", "#4D4D9F", "#E08214", "#35978F", "#B2182B", "#5AAE61", "#2166AC"]
+ACTION_COLORS = {"KS": "#D9D9D9", "AC": "#8FCB8B", "DC": "#F08A7E", "LCL": "#7FB3E6",
+                 "LCR": "#F5C061"}
+ACTION_NAMES = {"KS": "keep speed", "AC": "accelerate", "DC": "decelerate",
+                "LCL": "change left", "LCR": "change right"}
+ASPHALT, PAINT, EDGE, HUMAN = "#E6E6E8", "#9A9AA0", "#5B5B62", "#77777D"
+
+
+class Track:
+    """One vehicle over the run."""
+
+    def __init__(self, info):
+        self.id = info["id"]
+        self.controlled = info["control"] == "controlled"
+        self.length, self.width = info["length"], info["width"]
+        self.color = HUMAN
+        self.rows, self.signs = [], []
+
+    def finish(self, frame):
+        """After the last tick: columns of numbers, in the frame of the picture."""
+        rows = np.array(self.rows, dtype=float)
+        self.t, self.speed = rows[:, 0], rows[:, 4]
+        self.xy = frame.turn(rows[:, 1:3])
+        self.heading = rows[:, 3] - frame.angle
+
+    def segments(self):
+        """[(first tick, last tick + 1, action)], neighbours with one action merged."""
+        found, first = [], 0
+        for i in range(1, len(self.signs) + 1):
+            if i == len(self.signs) or self.signs[i][0] != self.signs[first][0]:
+                if self.signs[first][0] in ACTION_COLORS:
+                    found.append((first, i, self.signs[first][0]))
+                first = i
+        return found
+
+
+class Frame:
+    """Turns the map so that a long straight run lies level and is driven to the right."""
+
+    def __init__(self, points, forward):
+        self.angle = 0.0
+        centred = points - points.mean(axis=0)
+        _, size, axes = np.linalg.svd(centred, full_matrices=False)
+        if size[0] > 4.0 * size[1]:
+            axis = axes[0] if axes[0] @ forward >= 0.0 else -axes[0]
+            angle = math.atan2(axis[1], axis[0])
+            self.angle = angle if abs(angle) > math.radians(12.0) else 0.0
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        self.matrix = np.array([[c, -s], [s, c]])
+
+    def turn(self, points):
+        return points @ self.matrix
+
+
+class Run:
+    """Everything the picture needs from a run file."""
+
+    def __init__(self, path):
+        lines = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+        if not lines or lines[0].get("format") != "verge-run/1":
+            sys.exit(f"{path}:1: not a run file, expected format verge-run/1")
+        scenario = lines[0]["scenario"]
+        self.name = scenario["name"]
+        self.metrics = next((x["metrics"] for x in lines if "metrics" in x), {})
+        self.tracks = {v["id"]: Track(v) for v in scenario["vehicles"]}
+        for line in lines:
+            for row in line.get("vehicles", []):
+                track = self.tracks[row[0]]
+                track.rows.append([line["t"], *row[1:5]])
+                track.signs.append((row[7], row[8], row[9]))
+        self.tracks = {i: t for i, t in sorted(self.tracks.items()) if t.rows}
+        if not self.tracks:
+            sys.exit(f"{path}: no vehicle moves in this run")
+        driven = [t for t in self.tracks.values() if t.controlled] or list(self.tracks.values())
+        points = np.array([row[1:3] for t in driven for row in t.rows])
+        forward = sum(np.subtract(t.rows[-1][1:3], t.rows[0][1:3]) for t in driven)
+        self.frame = Frame(points, forward)
+        for track in self.tracks.values():
+            track.finish(self.frame)
+        self.controlled = [t for t in self.tracks.values() if t.controlled]
+        self.humans = [t for t in self.tracks.values() if not t.controlled]
+        for i, track in enumerate(self.controlled):
+            track.color = COLORS[i % len(COLORS)]
+        self.lanes = [Lane(lane, self.frame) for lane in scenario["road"]["lanes"]]
+        self.t_end = max(t.t[-1] for t in self.tracks.values())
+
+
+class Lane:
+    """A lane's centreline and edges at even spacing."""
+
+    def __init__(self, data, frame):
+        self.id, self.width = data["id"], data["width"]
+        self.left, self.right = data.get("left"), data.get("right")
+        points = frame.turn(np.array(data["centerline"], dtype=float))
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        count = max(2, int(way[-1] / RESAMPLE) + 1)
+        at = np.linspace(0.0, way[-1], count)
+        self.centre = np.column_stack([np.interp(at, way, points[:, k]) for k in (0, 1)])
+        tangent = np.gradient(self.centre, axis=0)
+        tangent /= np.hypot(*tangent.T)[:, None]
+        self.normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+
+    def edge(self, side):
+        return self.centre + side * 0.5 * self.width * self.normal
+
+    def distance(self, points):
+        """From each point to the centreline, and whether it lies beside it (not past an end)."""
+        apart = np.hypot(points[:, None, 0] - self.centre[None, :, 0],
+                         points[:, None, 1] - self.centre[None, :, 1])
+        nearest = apart.argmin(axis=1)
+        away = points - self.centre[nearest]
+        forward = away[:, 0] * self.normal[nearest, 1] - away[:, 1] * self.normal[nearest, 0]
+        past = ((nearest == 0) & (forward < -0.5)) | (
+            (nearest == len(self.centre) - 1) & (forward > 0.5))
+        return apart.min(axis=1), ~past
+
+
+def view_of(run):
+    """(x0, x1, y0, y1): where the controlled vehicles drive, with a margin."""
+    paths = np.vstack([t.xy for t in run.controlled or run.humans])
+    margin = np.array([MARGIN, MARGIN_SIDE])
+    low, high = paths.min(axis=0) - margin, paths.max(axis=0) + margin
+    for lane in run.lanes:  # the whole width of the road beside the paths
+        both = np.vstack([lane.edge(1.0), lane.edge(-1.0)])
+        inside = both[(both[:, 0] > low[0]) & (both[:, 0] < high[0])]
+        near = inside[(inside[:, 1] > low[1] - 9.0) & (inside[:, 1] < high[1] + 9.0)]
+        if len(near):
+            low[1] = min(low[1], near[:, 1].min() - MARGIN_SIDE)
+            high[1] = max(high[1], near[:, 1].max() + MARGIN_SIDE)
+    width, height = high - low
+    if width < 1.7 * height:  # a tall view: show more of the surroundings at its sides
+        middle = 0.5 * (low[0] + high[0])
+        low[0], high[0] = middle - 0.85 * height, middle + 0.85 * height
+    return low[0], high[0], low[1], high[1]
+
+
+def rows_of(view):
+    """A long strip is cut into rows; each shows a little of the one before."""
+    x0, x1, y0, y1 = view
+    count = min(4, max(1, round((x1 - x0) / (y1 - y0) / 5.5)))
+    length = (x1 - x0) / count
+    return [(x0 + i * length - (3.0 if i else 0.0), x0 + (i + 1) * length, y0, y1)
+            for i in range(count)]
+
+
+# --- the road -----------------------------------------------------------------------------------
+
+def runs_of(mask):
+    """Stretches [first, last] of a mask that are true, at least two points long."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2]) if b - a >= 2]
+
+
+def draw_road(axes, lanes):
+    for lane in lanes:
+        outline = np.vstack([lane.edge(1.0), lane.edge(-1.0)[::-1]])
+        axes.add_patch(Polygon(outline, closed=True, facecolor=ASPHALT, edgecolor=ASPHALT,
+                               linewidth=0.8, zorder=1))
+    by_id = {lane.id: lane for lane in lanes}
+    for lane in lanes:
+        for side, name in ((1.0, lane.left), (-1.0, lane.right)):
+            draw_edge(axes, lane, lane.edge(side), by_id.get(name), side, lanes)
+
+
+def draw_edge(axes, lane, edge, neighbour, side, lanes):
+    """Dashed where the neighbour runs beside, solid elsewhere, nothing inside another lane."""
+    beside = np.zeros(len(edge), dtype=bool)
+    if neighbour is not None:
+        apart, along = neighbour.distance(lane.centre)
+        usual = 0.5 * (lane.width + neighbour.width)
+        beside = (apart > usual - 0.9) & (apart < usual + 1.2) & along
+    covered = np.zeros(len(edge), dtype=bool)
+    for other in lanes:
+        if other is not lane and other is not neighbour:
+            apart, along = other.distance(edge)
+            covered |= (apart < 0.5 * other.width - 0.15) & along
+    merged = covered.copy()  # the neighbour's own area counts only where it is not beside
+    if neighbour is not None:
+        apart, along = neighbour.distance(edge)
+        merged |= (apart < 0.5 * neighbour.width - 0.15) & along
+    if side > 0.0 or neighbour is None:  # a shared line is drawn once, by the lane to its right
+        for a, b in runs_of(beside & ~covered):
+            axes.plot(*edge[a:b].T, color=PAINT, linewidth=1.1, dashes=(7, 6), zorder=2)
+    for a, b in runs_of(~beside & ~merged):
+        axes.plot(*edge[a:b].T, color=EDGE, linewidth=1.3, solid_capstyle="butt", zorder=2)
+
+
+# --- vehicles -----------------------------------------------------------------------------------
+
+def corners(track, index, x0, x1, y0, y1):
+    """A rectangle in the vehicle's own frame, x forward, as map points."""
+    c, s = math.cos(track.heading[index]), math.sin(track.heading[index])
+    own = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return own @ np.array([[c, s], [-s, c]]) + track.xy[index]
+
+
+def draw_body(axes, track, index, alpha, text, scale):
+    half_l, half_w = 0.5 * track.length, 0.5 * track.width
+    face = track.color if track.controlled else "#B5B5BA"
+    level = (6.0 if track.controlled else 4.0) + 0.001 * index  # later bodies lie on earlier ones
+    axes.add_patch(Polygon(corners(track, index, -half_l, half_l, -half_w, half_w), closed=True,
+                           facecolor=face, edgecolor="white", linewidth=0.7, alpha=alpha,
+                           zorder=level))
+    _, brake, turn = track.signs[index]
+    if track.controlled and brake:
+        tail = corners(track, index, -half_l, -half_l + 0.5, -half_w, half_w)
+        axes.add_patch(Polygon(tail, closed=True, facecolor="#E3000F", linewidth=0,
+                               zorder=level))
+    for side, names in ((1.0, ("left", 1)), (-1.0, ("right", -1))):
+        if track.controlled and turn in names:
+            y0, y1 = sorted((side * half_w, side * (half_w - 0.65)))
+            for x0 in (-half_l, half_l - 0.9):
+                axes.add_patch(Polygon(corners(track, index, x0, x0 + 0.9, y0, y1), closed=True,
+                                       facecolor="#FFB000", linewidth=0, zorder=level))
+    size = 1.15 * track.width * scale * 72.0 * 0.5
+    if text and size >= 4.0:
+        upright = (math.degrees(track.heading[index]) + 90.0) % 180.0 - 90.0
+        axes.text(*track.xy[index], text, rotation=upright, rotation_mode="anchor", ha="center",
+                  va="center_baseline", fontsize=min(8.5, size), color="white",
+                  zorder=level, clip_on=True)
+
+
+def mark_ticks(track):
+    """Ticks at whole multiples of MARK_S."""
+    whole = np.round(track.t / MARK_S) * MARK_S
+    return [i for i in range(len(track.t)) if abs(track.t[i] - whole[i]) < 1e-6]
+
+
+def draw_vehicle(axes, track, t_end, scale):
+    style = dict(linewidth=2.0, zorder=5) if track.controlled else dict(linewidth=1.1, zorder=3)
+    axes.plot(*track.xy.T, color=track.color, alpha=0.9, solid_capstyle="round", **style)
+    for index in mark_ticks(track):
+        fade = 0.35 + 0.55 * track.t[index] / max(t_end, 1e-9)
+        if not track.controlled:
+            fade *= 0.75
+        text = f"{track.t[index]:g}" if track.controlled and index > 0 else ""
+        draw_body(axes, track, index, fade, text, scale)
+
+
+def draw_start(axes, track, scale):
+    """The vehicle's number, in a disc on its first body."""
+    radius = max(1.35, 0.105 / scale)
+    axes.add_patch(Circle(track.xy[0], radius, facecolor="white", zorder=9,
+                          edgecolor=track.color if track.controlled else HUMAN, linewidth=1.6))
+    axes.text(*track.xy[0], str(track.id), ha="center", va="center_baseline", fontsize=8.5,
+              fontweight="bold", color=track.color if track.controlled else "#4A4A50", zorder=10,
+              clip_on=True)
+
+
+class Labels:
+    """Places words beside the paths where nothing else is written."""
+
+    def __init__(self, axes, view, scale, tracks):
+        self.axes, self.view, self.scale = axes, view, scale
+        self.taken = [(x - 1.4, x + 1.4, y - 1.4, y + 1.4) for t in tracks for x, y in t.xy[:1]]
+        self.paths = np.vstack([t.xy[::3] for t in tracks])
+        bodies = [t.xy[i] for t in tracks for i in mark_ticks(t)]
+        self.bodies = np.array(bodies)
+
+    def cost(self, box):
+        """How much a box would cover: words and bodies weigh more than paths."""
+        x0, x1, y0, y1 = box
+        if x0 < self.view[0] or x1 > self.view[1] or y0 < self.view[2] or y1 > self.view[3]:
+            return math.inf
+        if any(x0 < b and a < x1 and y0 < d and c < y1 for a, b, c, d in self.taken):
+            return math.inf
+
+        def hits(points, grow):
+            x, y = points.T
+            return int(np.sum((x > x0 - grow) & (x < x1 + grow)
+                              & (y > y0 - 0.5 * grow) & (y < y1 + 0.5 * grow)))
+        return hits(self.paths, 0.3) + 8 * hits(self.bodies, 2.0)
+
+    def put(self, track, index, word):
+        """Tries places around the path at this tick; none free: the word is left out."""
+        fontsize = 7.5
+        half_w = (0.31 * len(word) * fontsize + 2.5) / 72.0 / self.scale
+        half_h = (0.5 * fontsize + 1.6) / 72.0 / self.scale
+        c, s = math.cos(track.heading[index]), math.sin(track.heading[index])
+        best = None
+        for steps in (1.4, 2.3, 3.3, 4.5, 6.1):
+            away = 0.5 * track.width + steps * half_h
+            for side in (1.0, -1.0):
+                for along in (0.0, half_w, -half_w, 2.0 * half_w):
+                    x = track.xy[index, 0] + along * c - side * away * s
+                    y = track.xy[index, 1] + along * s + side * away * c
+                    box = (x - half_w, x + half_w, y - half_h, y + half_h)
+                    cost = self.cost(box) + 0.6 * away / half_h + 0.2 * abs(along) / half_w
+                    if best is None or cost < best[0]:
+                        best = (cost, x, y, box)
+        if best[0] < math.inf:
+            self.write(track, index, word, best, fontsize)
+
+    def write(self, track, index, word, place, fontsize):
+        _, x, y, box = place
+        self.taken.append(box)
+        self.axes.annotate(
+            word, track.xy[index], (x, y), ha="center", va="center", fontsize=fontsize,
+            color=track.color, fontweight="bold", zorder=11, annotation_clip=True,
+            bbox=dict(boxstyle="round,pad=0.16", facecolor="white", alpha=0.88,
+                      edgecolor=track.color, linewidth=0.7),
+            arrowprops=dict(arrowstyle="-", color=track.color, linewidth=0.7, shrinkA=0,
+                            shrinkB=0))
+
+
+def label_actions(axes, run, view, scale):
+    """Lane changes first: where room is short, they matter most."""
+    inside = [t for t in run.tracks.values()
+              if np.any((t.xy[:, 0] > view[0]) & (t.xy[:, 0] < view[1]))]
+    labels = Labels(axes, view, scale, inside)
+    wanted = [(not word.startswith("LC"), track.t[a], track.id, track, a, word)
+              for track in run.controlled for a, b, word in track.segments()
+              if b - a > 3 and not (a == 0 and word == "KS")]
+    for *_, track, index, word in sorted(wanted, key=lambda w: w[:3]):
+        x, y = track.xy[index]
+        if view[0] <= x <= view[1] and view[2] <= y <= view[3]:
+            labels.put(track, index, word)
+
+
+# --- speeds and actions over time ---------------------------------------------------------------
+
+def spread(values, gap):
+    """Moves labels apart so that neighbours keep the gap; order and middle are kept."""
+    order = np.argsort(values, kind="stable")
+    placed = np.array(values, dtype=float)
+    for _ in range(200):
+        moved = False
+        for a, b in zip(order, order[1:]):
+            short = gap - (placed[b] - placed[a])
+            if short > 1e-9:
+                placed[a] -= 0.5 * short
+                placed[b] += 0.5 * short
+                moved = True
+        if not moved:
+            break
+    return placed
+
+
+def draw_speeds(axes, run):
+    for track in run.humans:
+        axes.plot(track.t, track.speed, color="#C4C4C9", linewidth=1.0, zorder=2)
+    for track in run.controlled:
+        axes.plot(track.t, track.speed, color=track.color, linewidth=2.0, zorder=3)
+    fastest = max(t.speed.max() for t in run.tracks.values())
+    slowest = min(t.speed.min() for t in run.tracks.values())
+    room = max(1.0, 0.12 * (fastest - slowest))
+    low, high = max(0.0, slowest - room) if slowest > 3.0 else 0.0, fastest + room
+    axes.set(ylim=(low, high), ylabel="speed [m/s]")
+    ends = [t.speed[-1] for t in run.controlled]
+    for track, y in zip(run.controlled, spread(ends, 0.062 * (high - low))):
+        axes.annotate(f"vehicle {track.id}", (track.t[-1], track.speed[-1]),
+                      (run.t_end * 1.012, y), annotation_clip=False, fontsize=8.5,
+                      fontweight="bold", color=track.color, va="center")
+    if run.humans:
+        axes.plot([], [], color="#C4C4C9", label="human")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 0.06), frameon=False, fontsize=8,
+                    handlelength=1.2, borderaxespad=0.0)
+    tidy(axes)
+    axes.tick_params(labelbottom=False)
+
+
+def draw_strips(axes, run):
+    for row, track in enumerate(run.controlled):
+        for a, b, word in track.segments():
+            t0 = track.t[a]
+            t1 = track.t[b] if b < len(track.t) else track.t[-1]
+            axes.barh(row, t1 - t0, left=t0, height=0.74, color=ACTION_COLORS[word],
+                      edgecolor="white", linewidth=0.8)
+            if (t1 - t0) / run.t_end > 0.026 + 0.004 * len(word):
+                axes.text(0.5 * (t0 + t1), row, word, ha="center", va="center_baseline",
+                          fontsize=7.5, color="#303036")
+    axes.set(yticks=range(len(run.controlled)), xlabel="time [s]",
+             yticklabels=[str(t.id) for t in run.controlled],
+             ylim=(len(run.controlled) - 0.5, -0.5), ylabel="vehicle")
+    tidy(axes)
+    axes.tick_params(axis="y", length=0)
+    for label, track in zip(axes.get_yticklabels(), run.controlled):
+        label.set(color=track.color, fontweight="bold")
+    used = {word for t in run.controlled for _, _, word in t.segments()}
+    handles = [Patch(color=ACTION_COLORS[w], label=f"{w}  {ACTION_NAMES[w]}")
+               for w in ACTION_COLORS if w in used]
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.008, 1.04), frameon=False,
+                fontsize=8, handlelength=1.0, handleheight=1.0, borderaxespad=0.0)
+
+
+# --- the page -----------------------------------------------------------------------------------
+
+def tidy(axes):
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#A8A8AE")
+    axes.tick_params(labelsize=8, color="#A8A8AE", labelcolor="#4A4A50")
+    axes.xaxis.label.set(size=9, color="#303036")
+    axes.yaxis.label.set(size=9, color="#303036")
+
+
+def plural(count, noun):
+    return f"{count} {noun}" + ("" if count == 1 else "s")
+
+
+def subtitle(run):
+    words = [f"{plural(len(run.controlled), 'vehicle')} planned jointly",
+             plural(len(run.humans), "human driver"), f"{run.t_end:.1f} s"]
+    known = run.metrics
+    if "success" in known:
+        words.append("every intention reached" if known["success"] else "an intention not reached")
+    if "collisions" in known:
+        words.append(plural(known["collisions"], "collision") if known["collisions"]
+                     else "no collision")
+    if known.get("min_distance") is not None:
+        words.append(f"closest bodies {known['min_distance']:.2f} m")
+    if known.get("fallbacks"):
+        words.append(plural(known["fallbacks"], "fallback"))
+    return "  ·  ".join(words)
+
+
+def draw_page(run, out):
+    rows = rows_of(view_of(run))
+    road_width = FIGURE_WIDTH - SIDE - 0.25
+    scale = road_width / (rows[0][1] - rows[0][0])  # [in] a metre
+    row_height = scale * (rows[0][3] - rows[0][2])
+    if row_height > ROAD_HEIGHT_MAX:
+        scale *= ROAD_HEIGHT_MAX / row_height
+        row_height = ROAD_HEIGHT_MAX
+    strip_height = max(0.95, 0.27 * len(run.controlled))
+    head, speed_height, gap = 0.95, 2.1, 0.36
+    height = head + len(rows) * (row_height + gap) + 0.25 + speed_height + 0.14 + strip_height + 0.6
+    figure = plt.figure(figsize=(FIGURE_WIDTH, height), facecolor="white")
+
+    def panel(top, tall, right):
+        return figure.add_axes([SIDE / FIGURE_WIDTH, 1.0 - (top + tall) / height,
+                                (FIGURE_WIDTH - SIDE - right) / FIGURE_WIDTH, tall / height])
+
+    figure.text(SIDE / FIGURE_WIDTH, 1.0 - 0.4 / height, run.name, fontsize=17, fontweight="bold",
+                color="#202026", va="center")
+    figure.text(SIDE / FIGURE_WIDTH, 1.0 - 0.72 / height, subtitle(run), fontsize=10,
+                color="#5B5B62", va="center")
+    figure.text(1.0 - 0.25 / FIGURE_WIDTH, 1.0 - 0.40 / height,
+                f"bodies every {MARK_S:g} s, time inside  ·  red: brake lights  ·  amber: signal",
+                fontsize=8.5, color="#8A8A90", va="center", ha="right")
+    top = head
+    for number, view in enumerate(rows):
+        axes = panel(top, row_height, 0.25)
+        draw_map(axes, run, view, scale, last=number == len(rows) - 1)
+        top += row_height + gap
+    top += 0.25
+    speeds = panel(top, speed_height, LEGEND)
+    draw_speeds(speeds, run)
+    strips = panel(top + speed_height + 0.14, strip_height, LEGEND)
+    draw_strips(strips, run)
+    for axes in (speeds, strips):
+        axes.set_xlim(0.0, run.t_end)
+        axes.grid(axis="x", color="#EDEDF0", linewidth=0.8)
+        axes.set_axisbelow(True)
+    speeds.grid(axis="y", color="#EDEDF0", linewidth=0.8)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out, dpi=140)
+
+
+def draw_map(axes, run, view, scale, last):
+    axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
+    draw_road(axes, run.lanes)
+    for track in run.humans + run.controlled:
+        draw_vehicle(axes, track, run.t_end, scale)
+    for track in run.humans + run.controlled:
+        if view[0] < track.xy[0, 0] < view[1] and view[2] < track.xy[0, 1] < view[3]:
+            draw_start(axes, track, scale)
+    label_actions(axes, run, view, scale)
+    tidy(axes)
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0, labelleft=False)
+    if last:
+        turned = f" along the road (map turned by {math.degrees(-run.frame.angle):.0f}°)"
+        axes.set_xlabel("x [m]" if run.frame.angle == 0.0 else "[m]" + turned, labelpad=2)
+
+
+def main():
+    if len(sys.argv) != 3:
+        print("usage: plot.py RUN.jsonl OUT.png", file=sys.stderr)
+        return 2
+    source, out = map(pathlib.Path, sys.argv[1:])
+    if not source.is_file():
+        print(f"{source}: no such run file", file=sys.stderr)
+        return 2
+    draw_page(Run(source), out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

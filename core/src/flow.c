@@ -1,0 +1,831 @@
+/// Moves of a whole flow, eight vehicles side by side. See flow.h.
+
+#include "flow.h"
+
+#include "contract.h"
+#include "scalar.h"
+
+#include <string.h>
+
+// Vectors are passed between static inline functions only; the ABI note does not concern us.
+#pragma GCC diagnostic ignored "-Wpsabi"
+
+typedef float   f8 __attribute__((vector_size(32)));
+typedef int32_t i8v __attribute__((vector_size(32)));
+
+#define INLINE static inline __attribute__((always_inline))
+
+// Another vehicle counts as in the path when the bodies, with this much air, overlap laterally:
+// 2.4 m between centres of two cars of 2 m, 0.6 lane widths, as findings/paper.md has it.
+static const float path_air = 0.4f;
+// Air that joint actions must leave between bodies on their ways. [m]
+static const float joint_air_along = 1.0f;
+static const float joint_air_across = 0.3f;
+// Merging vehicles see each other from this far before their lanes come close. [m]
+static const float merge_sight = 40.0f;
+// Beyond all roads: a vehicle that is not there, or not seen. [m]
+static const float nowhere = 1e9f;
+// Within this of a lane's centre a change of lane starts from that lane. [m]
+static const float centred = 0.3f;
+// Paper, section 4: lane changes are planned for steps of 1.5 s, half a lane each.
+static const float change_step_s = 1.5f;
+// A lane change is not steeper than one in two (d per s).
+static const float change_slope = 0.5f;
+// Reached: the contract's |d| for "in the target lane". [m]
+static const float reached_offset = 0.5f;
+
+static void  lookup(const vg_scene* scene, vg_flow* flow, uint32_t slot);
+static void  renew_sight(const vg_scene* scene, const vg_flow* flow);
+static void  longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
+static void  lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
+static void  human_moves(const vg_scene* scene, const vg_flow* flow, float dt, float* station_to,
+                         float* v_to, float* y_to);
+static void  speed_windows(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t block);
+static void  settle(const vg_scene* scene, vg_flow* next, uint32_t slot, uint8_t action);
+static void  earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot,
+                  uint8_t action);
+static bool  areas_conflict(const vg_scene* scene, const vg_flow* flow, const float* station1, uint32_t i,
+                            uint32_t j);
+
+INLINE f8 splat(float x)
+{
+    return (f8){ x, x, x, x, x, x, x, x };
+}
+INLINE f8 load(const float* from)
+{
+    f8 x;
+    memcpy(&x, from, sizeof x);
+    return x;
+}
+INLINE void store(float* to, f8 x)
+{
+    memcpy(to, &x, sizeof x);
+}
+INLINE f8 choose(i8v mask, f8 yes, f8 no)
+{
+    return (f8)((mask & (i8v)yes) | (~mask & (i8v)no));
+}
+INLINE f8 magnitude(f8 x)
+{
+    return (f8)((i8v)x & 0x7fffffff);
+}
+INLINE f8 least(f8 a, f8 b)
+{
+    return choose(a < b, a, b);
+}
+INLINE f8 most(f8 a, f8 b)
+{
+    return choose(a > b, a, b);
+}
+
+// ---------------------------------------------------------------------------- scene
+
+static void place(vg_scene* scene, vg_flow* flow, const verge_vehicle* vehicle, const vg_placed* at,
+                  uint32_t input_index, uint32_t slot)
+{
+    const vg_lane* lane = &scene->road->lanes[at->lane];
+    scene->input_index[slot] = input_index;
+    scene->half_length[slot] = (float)(0.5 * vehicle->length + vehicle->margin);
+    scene->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
+    scene->cruise[slot] = (float)vg_max(vg_max(lane->speed_limit, vehicle->speed), 1.0);
+    flow->station[slot] = (float)vg_lane_station(lane, at->s);
+    flow->d[slot] = (float)at->d;
+    flow->v[slot] = (float)vehicle->speed;
+    flow->lane[slot] = (int32_t)at->lane;
+}
+
+static void intend(vg_scene* scene, const verge_vehicle* vehicle, uint32_t slot)
+{
+    const verge_road* road = scene->road;
+    const int32_t target =
+        vehicle->target_lane < 0 ? -1 : vg_road_lane_index(road, vehicle->target_lane);
+    scene->target[slot] = target;
+    uint64_t good = target < 0 ? ~(uint64_t)0 : road->continues[target];
+    for (uint32_t lane = 0; target >= 0 && lane < road->lane_count; ++lane) {
+        if (road->changes[lane * road->lane_count + (uint32_t)target] == 0) {
+            good |= (uint64_t)1 << lane;
+        }
+    }
+    scene->good_lanes[slot] = good;
+}
+
+// Eq. 5 is linear in the R_j: X_flow = sum_j weight_j R_j.
+static void weigh(vg_scene* scene, const verge_vehicle* vehicles)
+{
+    const uint32_t count = scene->controlled_count;
+    for (uint32_t j = 0; j < count; ++j) {
+        double weight = 0.0;
+        for (uint32_t i = 0; i < count; ++i) {
+            const double gamma = vehicles[scene->input_index[i]].habit.cooperation;
+            weight += (i == j ? 1.0 : gamma) / (1.0 + (double)(count - 1) * gamma);
+        }
+        scene->weight[j] = (float)(weight / (double)count);
+    }
+}
+
+static bool is_plain(const vg_scene* scene, const vg_flow* flow)
+{
+    const verge_road* road = scene->road;
+    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
+        if (road->lanes[lane].successor_count > 0) {
+            return false;
+        }
+    }
+    for (uint32_t i = 1; i < scene->count; ++i) {
+        if (road->lanes[flow->lane[i]].bundle != road->lanes[flow->lane[0]].bundle) {
+            return false;
+        }
+    }
+    return road->conflict_lanes == 0;
+}
+
+static void fill_empty_slots(vg_scene* scene, vg_flow* flow)
+{
+    const uint32_t padded = scene->block_count * VG_LANES;
+    for (uint32_t slot = scene->count; slot < padded; ++slot) {
+        flow->station[slot] = flow->d[slot] = flow->v[slot] = 0.0f;
+        flow->y[slot] = flow->left_gap[slot] = flow->right_gap[slot] = 0.0f;
+        flow->rate[slot] = 1.0f;
+        flow->lane[slot] = 0;
+        scene->half_length[slot] = scene->half_width[slot] = scene->cruise[slot] = 1.0f;
+    }
+    for (uint32_t slot = 0; slot < VERGE_VEHICLES_MAX; ++slot) {
+        scene->self[slot] = (float)slot;
+        scene->sight->lane[slot] = -1;
+    }
+}
+
+void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
+                   vg_sight* sight, const verge_vehicle* vehicles, const vg_placed* placed,
+                   uint32_t vehicle_count, const uint8_t* previous)
+{
+    VERGE_ASSERT(vehicle_count <= VERGE_VEHICLES_MAX);
+    memset(scene, 0, sizeof *scene);
+    memset(flow, 0, sizeof *flow);
+    scene->def = def;
+    scene->road = road;
+    scene->sight = sight;
+    for (uint32_t pass = 0; pass < 2; ++pass) { // planned ones first
+        for (uint32_t i = 0; i < vehicle_count; ++i) {
+            if (!placed[i].on_road || vehicles[i].controlled != (pass == 0)) {
+                continue;
+            }
+            const uint32_t slot = scene->count++;
+            place(scene, flow, &vehicles[i], &placed[i], i, slot);
+            if (pass == 0) {
+                intend(scene, &vehicles[i], slot);
+                flow->previous[slot] =
+                    previous[i] < VERGE_ACTION_COUNT ? previous[i] : (uint8_t)VERGE_KEEP_SPEED;
+                scene->controlled_count++;
+            }
+        }
+    }
+    VERGE_ASSERT(scene->controlled_count <= VERGE_CONTROLLED_MAX);
+    scene->block_count = (scene->count + VG_LANES - 1) / VG_LANES;
+    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
+        scene->limit[lane] = (float)road->lanes[lane].speed_limit;
+        scene->limit_share[lane] = (float)(def->cruise_share * road->lanes[lane].speed_limit);
+    }
+    for (uint32_t k = 0; k < road->lane_count * road->lane_count; ++k) {
+        scene->rings = scene->rings || road->relations[k].period > 0.0f;
+    }
+    weigh(scene, vehicles);
+    fill_empty_slots(scene, flow);
+    scene->plain = is_plain(scene, flow);
+    vg_flow_derive(scene, flow);
+}
+
+// ---------------------------------------------------------------------------- where they are
+
+void vg_flow_derive(const vg_scene* scene, vg_flow* flow)
+{
+    for (uint32_t slot = 0; slot < scene->count; ++slot) {
+        lookup(scene, flow, slot);
+    }
+}
+
+static void lookup(const vg_scene* scene, vg_flow* flow, uint32_t slot)
+{
+    const vg_lane* lane = &scene->road->lanes[flow->lane[slot]];
+    const float at = (flow->station[slot] - (float)lane->station_start) * (float)(1.0 / VG_BIN);
+    const float last = (float)(lane->bin_count - 1u);
+    VERGE_ASSERT(lane->bin_count >= 2 && at == at);
+    const float clamped = at < 0.0f ? 0.0f : at > last ? last : at;
+    uint32_t bin = (uint32_t)clamped;
+    bin = bin > lane->bin_count - 2u ? lane->bin_count - 2u : bin;
+    const vg_bin* here = &lane->bins[bin];
+    const float t = clamped - (float)bin;
+    flow->y[slot] = here[0].lateral + t * (here[1].lateral - here[0].lateral) + flow->d[slot];
+    flow->rate[slot] = (here[1].s - here[0].s) * (float)(1.0 / VG_BIN);
+    const vg_bin* nearest = t < 0.5f ? here : here + 1;
+    const bool on_lane = at >= 0.0f && at <= last;
+    flow->left_gap[slot] = on_lane ? nearest->left_gap : 0.0f;
+    flow->right_gap[slot] = on_lane ? nearest->right_gap : 0.0f;
+}
+
+float vg_lane_lateral(const vg_lane* lane, float station)
+{
+    const float at = (station - (float)lane->station_start) * (float)(1.0 / VG_BIN);
+    const float last = (float)(lane->bin_count - 1u);
+    const float clamped = at < 0.0f ? 0.0f : at > last ? last : at;
+    uint32_t bin = (uint32_t)clamped;
+    bin = bin > lane->bin_count - 2u ? lane->bin_count - 2u : bin;
+    const vg_bin* here = &lane->bins[bin];
+    return here[0].lateral + (clamped - (float)bin) * (here[1].lateral - here[0].lateral);
+}
+
+static void see(const vg_scene* scene, const vg_flow* flow, uint32_t seen, uint32_t looker)
+{
+    const verge_road* road = scene->road;
+    const uint32_t from = (uint32_t)flow->lane[looker];
+    const uint32_t to = (uint32_t)flow->lane[seen];
+    const vg_relation* relation = &road->relations[from * road->lane_count + to];
+    const int32_t target = looker < scene->controlled_count ? scene->target[looker] : -1;
+    const uint64_t route = road->on_route[from * (road->lane_count + 1u) + (uint32_t)(target + 1)];
+    const bool visible = relation->kind != VG_UNRELATED && ((route >> to) & 1u) != 0;
+    vg_sight* sight = scene->sight;
+    sight->offset[seen][looker] = visible ? relation->offset : nowhere;
+    sight->lateral[seen][looker] = relation->lateral;
+    sight->touch[seen][looker] =
+        relation->kind == VG_MERGING ? relation->touch : -nowhere;
+    sight->period[seen][looker] = visible ? relation->period : 0.0f;
+}
+
+static void renew_sight(const vg_scene* scene, const vg_flow* flow)
+{
+    vg_sight* sight = scene->sight;
+    for (uint32_t slot = 0; slot < scene->count; ++slot) {
+        if (sight->lane[slot] == flow->lane[slot]) {
+            continue;
+        }
+        for (uint32_t other = 0; other < scene->count; ++other) {
+            see(scene, flow, slot, other);
+            see(scene, flow, other, slot);
+        }
+        sight->lane[slot] = flow->lane[slot];
+    }
+}
+
+// Station of `seen` less that of the eight lookers, on the lookers' axes. [m of station]
+INLINE f8 ahead_by(const vg_scene* scene, float station, f8 lookers, uint32_t seen, uint32_t block)
+{
+    if (scene->plain) {
+        return splat(station) - lookers;
+    }
+    const vg_sight* sight = scene->sight;
+    f8 ds = splat(station) + load(&sight->offset[seen][block * VG_LANES]) - lookers;
+    if (scene->rings) {
+        const f8 period = load(&sight->period[seen][block * VG_LANES]);
+        const f8 half = period * splat(0.5f);
+        ds = choose((ds > half) & (period > splat(0.0f)), ds - period, ds);
+        ds = choose((ds < -half) & (period > splat(0.0f)), ds + period, ds);
+    }
+    return ds;
+}
+
+INLINE f8 left_by(const vg_scene* scene, float y, f8 lookers, uint32_t seen, uint32_t block)
+{
+    const f8 dy = splat(y) - lookers;
+    return scene->plain ? dy : dy + load(&scene->sight->lateral[seen][block * VG_LANES]);
+}
+
+// ---------------------------------------------------------------------------- moves
+
+void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
+{
+    if (!scene->plain) {
+        renew_sight(scene, flow);
+    }
+    longitudinal_moves(scene, flow, moves);
+    lateral_moves(scene, flow, moves);
+    human_moves(scene, flow, (float)scene->def->step_s, moves->station[0], moves->v[0], moves->y[0]);
+    for (uint32_t block = 0; block * VG_LANES < scene->controlled_count; ++block) {
+        speed_windows(scene, flow, moves, block);
+    }
+}
+
+// Table 1. A deceleration that reaches standstill stops there.
+static void longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
+{
+    const float dt = (float)scene->def->step_s;
+    const float gain = (float)scene->def->acceleration * dt;
+    const float loss = (float)scene->def->deceleration * dt;
+    for (uint32_t at = 0; at < scene->block_count * VG_LANES; at += VG_LANES) {
+        const f8 v = load(&flow->v[at]);
+        const f8 station = load(&flow->station[at]);
+        const f8 per_metre = splat(1.0f) / load(&flow->rate[at]);
+        const f8 v_dc = most(v - splat(loss), splat(0.0f));
+        const f8 stopping = v * v * splat(0.5f * dt / loss);
+        const f8 way_dc =
+            choose(v < splat(loss), stopping, (v + v_dc) * splat(0.5f * dt));
+        store(&moves->station[0][at], station + v * splat(dt) * per_metre);
+        store(&moves->station[1][at], station + (v + splat(0.5f * gain)) * splat(dt) * per_metre);
+        store(&moves->station[2][at], station + way_dc * per_metre);
+        store(&moves->v[0][at], v);
+        store(&moves->v[1][at], v + splat(gain));
+        store(&moves->v[2][at], v_dc);
+    }
+}
+
+// Keeping: back to the lane's centre. Changing: half the distance between two centrelines, and
+// never past the next centre. d beyond `centred` on the far side: completing a change comes first.
+static void lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
+{
+    const float part = 0.5f * (float)scene->def->step_s / change_step_s;
+    for (uint32_t at = 0; at < scene->block_count * VG_LANES; at += VG_LANES) {
+        const f8 d = load(&flow->d[at]);
+        const f8 y = load(&flow->y[at]);
+        const f8 left = load(&flow->left_gap[at]);
+        const f8 right = load(&flow->right_gap[at]);
+        const f8 room = most(most(left, right), splat(3.0f)) * splat(part);
+        const f8 keep = most(least(-d, room), -room);
+        const f8 left_rest = choose(d < splat(-centred), -d, left - d);
+        const f8 right_rest = choose(d > splat(centred), d, right + d);
+        store(&moves->y[0][at], y + keep);
+        store(&moves->y[1][at], y + least(left_rest, room));
+        store(&moves->y[2][at], y - least(right_rest, room));
+    }
+}
+
+INLINE f8 idm(const verge_planner_def* def, f8 v, f8 desired, f8 gap, f8 v_lead)
+{
+    const f8 closing = v * (v - v_lead) / splat((float)(2.0 * def->idm_comfort));
+    const f8 s0 = splat((float)def->idm_gap);
+    const f8 wanted = most(s0 + v * splat((float)def->idm_headway_s) + closing, s0);
+    const f8 ratio = wanted / most(gap, splat(1.0f));
+    const f8 pace = v / desired;
+    const f8 pace2 = pace * pace;
+    const f8 a = splat((float)def->idm_acceleration)
+                 * (splat(1.0f) - pace2 * pace2 - ratio * ratio);
+    return most(a, splat(-(float)def->idm_braking_max));
+}
+
+double vg_idm_acceleration(const verge_planner_def* def, double v, double desired, double gap, double v_lead)
+{
+    const double closing = v * (v - v_lead) / (2.0 * def->idm_comfort);
+    const double wanted = vg_max(def->idm_gap + v * def->idm_headway_s + closing, def->idm_gap);
+    const double ratio = wanted / vg_max(gap, 1.0);
+    const double pace = v / desired;
+    const double a =
+        def->idm_acceleration * (1.0 - pace * pace * pace * pace - ratio * ratio);
+    return vg_max(a, -def->idm_braking_max);
+}
+
+// KL: the IDM behind the nearest vehicle in the path, planned or not; the lane is kept as driven.
+static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, float* station_to,
+                        float* v_to, float* y_to)
+{
+    const uint32_t first = scene->controlled_count / VG_LANES;
+    for (uint32_t block = first; block < scene->block_count; ++block) {
+        const uint32_t at = block * VG_LANES;
+        const f8 station = load(&flow->station[at]);
+        const f8 y = load(&flow->y[at]);
+        const f8 width = load(&scene->half_width[at]) + splat(path_air);
+        f8 lead = splat(nowhere), lead_v = splat(0.0f), lead_half = splat(0.0f);
+        for (uint32_t j = 0; j < scene->count; ++j) {
+            const f8 ds = ahead_by(scene, flow->station[j], station, j, block);
+            const f8 dy = left_by(scene, flow->y[j], y, j, block);
+            i8v in = magnitude(dy) < width + splat(scene->half_width[j]);
+            in &= (ds > splat(0.0f)) & (ds < lead);
+            if (!scene->plain) {
+                in &= station > load(&scene->sight->touch[j][at]) - splat(merge_sight);
+            }
+            lead = choose(in, ds, lead);
+            lead_v = choose(in, splat(flow->v[j]), lead_v);
+            lead_half = choose(in, splat(scene->half_length[j]), lead_half);
+        }
+        const f8 rate = load(&flow->rate[at]);
+        const f8 v = load(&flow->v[at]);
+        const f8 gap = lead * rate - lead_half - load(&scene->half_length[at]);
+        const f8 free_road = lead > splat(0.5f * nowhere);
+        const f8 a = idm(scene->def, v, load(&scene->cruise[at]), gap,
+                         choose((i8v)free_road, v, lead_v));
+        const f8 v1 = most(v + a * splat(dt), splat(0.0f));
+        const f8 way = (v + v1) * splat(0.5f * dt);
+        const i8v human = load(&scene->self[at]) >= splat((float)scene->controlled_count);
+        store(&station_to[at], choose(human, station + way / rate, load(&station_to[at])));
+        store(&v_to[at], choose(human, v1, load(&v_to[at])));
+        store(&y_to[at], choose(human, y, load(&y_to[at])));
+    }
+}
+
+// Nearest vehicles ahead and behind in the path of one lateral option.
+typedef struct window {
+    f8 y;
+    f8 lead, lead_v, lead_half;
+    f8 back, back_v, back_half;
+} window;
+
+INLINE void look(window* w, f8 ds, f8 yj, i8v may, f8 width, float v, float half)
+{
+    const i8v in = may & (magnitude(yj - w->y) < width);
+    const i8v ahead = in & (ds > splat(0.0f)) & (ds < w->lead);
+    const i8v behind = in & (ds <= splat(0.0f)) & (ds > w->back);
+    w->lead = choose(ahead, ds, w->lead);
+    w->lead_v = choose(ahead, splat(v), w->lead_v);
+    w->lead_half = choose(ahead, splat(half), w->lead_half);
+    w->back = choose(behind, ds, w->back);
+    w->back_v = choose(behind, splat(v), w->back_v);
+    w->back_half = choose(behind, splat(half), w->back_half);
+}
+
+// Eq. 3: how far a new speed lies inside the window, > = 0 if it holds. Two margins: to the
+// leader (upper bounds) and to the follower (lower bound). `way`: metres beyond KS.
+typedef struct margins {
+    f8 upper, lower;
+} margins;
+
+INLINE margins margins_of(const verge_planner_def* def, const window* w, f8 rate, f8 half, f8 v, f8 way)
+{
+    const f8 tau = splat((float)def->reaction_s);
+    const f8 mth = splat((float)def->headway_s);
+    const f8 gap_l = w->lead * rate - half - w->lead_half - way;
+    const f8 gap_f = -w->back * rate - half - w->back_half + way;
+    const f8 upper = least((mth * w->lead_v + gap_l) / (tau + mth), gap_l / tau);
+    const f8 lower = w->back_v - (gap_f - tau * w->back_v) / mth;
+    return (margins){ upper - v, v - lower };
+}
+
+// The end of a lane that leads nowhere is a standing leader.
+static float dead_end_ahead(const vg_scene* scene, const vg_flow* flow, uint32_t slot, float station)
+{
+    const vg_lane* lane = &scene->road->lanes[flow->lane[slot]];
+    return lane->dead_end ? (float)lane->station_end - station : nowhere;
+}
+
+INLINE uint32_t bits_of(i8v mask, uint32_t lane)
+{
+    return mask[lane] != 0 ? 1u : 0u;
+}
+
+// Where nothing in the lane fits the window, the least harmful stays: brake for a leader, else
+// make way for a follower. A vehicle always has a move.
+static uint32_t least_harm(margins ks, margins ac, margins dc, uint32_t lane)
+{
+    if (ks.upper[lane] < 0.0f || dc.lower[lane] >= 0.0f) {
+        return 1u << VERGE_DECELERATE;
+    }
+    return ac.upper[lane] >= 0.0f ? 1u << VERGE_ACCELERATE : 1u << VERGE_KEEP_SPEED;
+}
+
+// Borders, stretches and direction: changes lead towards the target, or around a slower leader.
+static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, const window* keep, uint32_t slot)
+{
+    const verge_road* road = scene->road;
+    const uint32_t lane = (uint32_t)flow->lane[slot];
+    const float d = flow->d[slot];
+    const bool finish_left = d < -centred;
+    const bool finish_right = d > centred;
+    bool left = finish_left || flow->left_gap[slot] > 0.0f;
+    bool right = finish_right || flow->right_gap[slot] > 0.0f;
+    const int32_t target = scene->target[slot];
+    const int8_t way = target < 0 ? 0 : road->move[lane * road->lane_count + (uint32_t)target];
+    const uint32_t in_block = slot % VG_LANES;
+    const bool overtake = keep->lead[in_block] < 60.0f
+                          && keep->lead_v[in_block] < 0.7f * scene->limit_share[lane];
+    if (!overtake) {
+        left = left && (way > 0 || finish_left);
+        right = right && (way < 0 || finish_right);
+    }
+    const float room = most(splat(flow->left_gap[slot]), splat(flow->right_gap[slot]))[0];
+    const float width = room > 0.0f ? room : 3.0f;
+    const bool fast = flow->v[slot] * change_step_s * change_slope >= 0.5f * width;
+    return fast ? (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u)
+                : 0u;
+}
+
+static void open_window(window* w, f8 y)
+{
+    *w = (window){ .y = y, .lead = splat(nowhere), .back = splat(-nowhere) };
+}
+
+// The single pruning of section 3.1.3 for eight vehicles: everyone's neighbours are taken at the
+// same instant as the new state, t + 1, planned ones at their present speed.
+static void speed_windows(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t block)
+{
+    const verge_planner_def* def = scene->def;
+    const uint32_t at = block * VG_LANES;
+    const f8 station = load(&moves->station[0][at]);
+    const f8 now = load(&flow->station[at]);
+    const f8 half_width = load(&scene->half_width[at]) + splat(path_air);
+    const f8 self = load(&scene->self[at]);
+    window keep, left, right;
+    open_window(&keep, load(&moves->y[0][at]));
+    open_window(&left, load(&moves->y[1][at]));
+    open_window(&right, load(&moves->y[2][at]));
+    for (uint32_t lane = 0; lane < VG_LANES && at + lane < scene->controlled_count; ++lane) {
+        keep.lead[lane] = dead_end_ahead(scene, flow, at + lane, station[lane]);
+    }
+    for (uint32_t j = 0; j < scene->count; ++j) {
+        const f8 ds = ahead_by(scene, moves->station[0][j], station, j, block);
+        f8 yj = splat(flow->y[j]);
+        i8v may = self != splat((float)j);
+        if (!scene->plain) {
+            yj += load(&scene->sight->lateral[j][at]);
+            may &= now > load(&scene->sight->touch[j][at]) - splat(merge_sight);
+        }
+        const f8 width = half_width + splat(scene->half_width[j]);
+        look(&keep, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
+        look(&left, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
+        look(&right, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
+    }
+    const f8 rate = load(&flow->rate[at]);
+    const f8 half = load(&scene->half_length[at]);
+    const f8 v = load(&flow->v[at]);
+    const f8 v_ac = load(&moves->v[1][at]);
+    const f8 zero = splat(0.0f);
+    const margins ks = margins_of(def, &keep, rate, half, v, zero);
+    const margins ac = margins_of(def, &keep, rate, half, v_ac,
+                                  (load(&moves->station[1][at]) - station) * rate);
+    const margins dc = margins_of(def, &keep, rate, half, load(&moves->v[2][at]),
+                                  (load(&moves->station[2][at]) - station) * rate);
+    const margins lcl = margins_of(def, &left, rate, half, v, zero);
+    const margins lcr = margins_of(def, &right, rate, half, v, zero);
+    const i8v ok_ks = (ks.upper >= zero) & (ks.lower >= zero);
+    const i8v ok_ac = (ac.upper >= zero) & (ac.lower >= zero);
+    const i8v ok_dc = (dc.upper >= zero) & (dc.lower >= zero) & (v > zero);
+    const i8v ok_lcl = (lcl.upper >= zero) & (lcl.lower >= zero);
+    const i8v ok_lcr = (lcr.upper >= zero) & (lcr.lower >= zero);
+    for (uint32_t lane = 0; lane < VG_LANES && at + lane < scene->controlled_count; ++lane) {
+        const uint32_t slot = at + lane;
+        const float limit = scene->limit[flow->lane[slot]];
+        uint32_t legal = bits_of(ok_ks, lane) << VERGE_KEEP_SPEED
+                         | bits_of(ok_dc, lane) << VERGE_DECELERATE
+                         | bits_of(ok_ac & (v_ac <= splat(limit)), lane) << VERGE_ACCELERATE;
+        if (legal == 0) {
+            legal = least_harm(ks, ac, dc, lane);
+        }
+        const uint32_t fits = bits_of(ok_lcl, lane) << VERGE_CHANGE_LEFT
+                              | bits_of(ok_lcr, lane) << VERGE_CHANGE_RIGHT;
+        legal |= fits & changes_allowed(scene, flow, &keep, slot);
+        moves->legal[slot] = (uint8_t)legal;
+    }
+}
+
+// ---------------------------------------------------------------------------- joint actions
+
+typedef struct chosen {
+    VG_ALIGNED float station[VERGE_VEHICLES_MAX];
+    VG_ALIGNED float y[VERGE_VEHICLES_MAX];
+} chosen;
+
+static const uint8_t along_of[VERGE_ACTION_COUNT] = { 0, 1, 2, 0, 0 };
+static const uint8_t across_of[VERGE_ACTION_COUNT] = { 0, 0, 0, 1, 2 };
+
+static void choose_moves(const vg_scene* scene, const vg_moves* moves, const uint8_t* actions, chosen* to)
+{
+    const size_t bytes = scene->block_count * VG_LANES * sizeof(float);
+    memcpy(to->station, moves->station[0], bytes);
+    memcpy(to->y, moves->y[0], bytes);
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        to->station[i] = moves->station[along_of[actions[i]]][i];
+        to->y[i] = moves->y[across_of[actions[i]]][i];
+    }
+}
+
+// Do the ways of eight vehicles and vehicle j come too close between the two instants? Relative
+// motion is linear; at three instants of a step no body passes another unseen below 30 m/s.
+INLINE i8v too_close(const vg_scene* scene, const vg_flow* flow, const chosen* to, uint32_t block, uint32_t j)
+{
+    const uint32_t at = block * VG_LANES;
+    const f8 rate = load(&flow->rate[at]);
+    const f8 ds0 = ahead_by(scene, flow->station[j], load(&flow->station[at]), j, block) * rate;
+    const f8 ds1 = ahead_by(scene, to->station[j], load(&to->station[at]), j, block) * rate;
+    const f8 dy0 = left_by(scene, flow->y[j], load(&flow->y[at]), j, block);
+    const f8 dy1 = left_by(scene, to->y[j], load(&to->y[at]), j, block);
+    const f8 length = load(&scene->half_length[at]) + splat(scene->half_length[j]);
+    const f8 width = load(&scene->half_width[at]) + splat(scene->half_width[j]);
+    const f8 ex = length + splat(joint_air_along);
+    const f8 ey = width + splat(joint_air_across);
+    const i8v inside0 = (magnitude(ds0) < ex) & (magnitude(dy0) < ey);
+    i8v hit = (magnitude(ds1) < ex) & (magnitude(dy1) < ey);
+    for (uint32_t k = 1; k <= 2; ++k) {
+        const f8 t = splat((float)k / 3.0f);
+        const f8 ds = ds0 + t * (ds1 - ds0);
+        const f8 dy = dy0 + t * (dy1 - dy0);
+        hit |= (magnitude(ds) < ex) & (magnitude(dy) < ey);
+    }
+    // Already inside the margin: only what ends in contact, nearer than before, is a conflict.
+    const i8v contact = (magnitude(ds1) < length) & (magnitude(dy1) < width)
+                        & (magnitude(ds1) <= magnitude(ds0)) & (magnitude(dy1) <= magnitude(dy0));
+    hit = (inside0 & contact) | (~inside0 & hit);
+    if (!scene->plain) {
+        hit &= load(&to->station[at]) > load(&scene->sight->touch[j][at]);
+    }
+    return hit & (load(&scene->self[at]) != splat((float)j));
+}
+
+uint32_t vg_flow_conflicts(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
+                           const uint8_t* actions)
+{
+    chosen to;
+    choose_moves(scene, moves, actions, &to);
+    uint32_t conflicts = 0;
+    for (uint32_t block = 0; block * VG_LANES < scene->controlled_count; ++block) {
+        i8v hit = (i8v){ 0 };
+        for (uint32_t j = 0; j < scene->count; ++j) {
+            hit |= too_close(scene, flow, &to, block, j);
+        }
+        for (uint32_t lane = 0; lane < VG_LANES; ++lane) {
+            conflicts |= bits_of(hit, lane) << (block * VG_LANES + lane);
+        }
+    }
+    conflicts &= scene->controlled_count < 32 ? (1u << scene->controlled_count) - 1u : ~0u;
+    for (uint32_t i = 0; scene->road->conflict_lanes != 0 && i < scene->controlled_count; ++i) {
+        for (uint32_t j = 0; j < scene->count; ++j) {
+            if (i != j && areas_conflict(scene, flow, to.station, i, j)) {
+                conflicts |= 1u << i;
+            }
+        }
+    }
+    return conflicts;
+}
+
+static bool sweeps(float from, float to, float half, float area_from, float area_to)
+{
+    return to + half > area_from && from - half < area_to;
+}
+
+// Two bodies in one area that is not a lane of either: whoever was in it before may leave.
+static bool areas_conflict(const vg_scene* scene, const vg_flow* flow, const float* station1, uint32_t i,
+                           uint32_t j)
+{
+    const verge_road* road = scene->road;
+    const uint32_t lane_i = (uint32_t)flow->lane[i], lane_j = (uint32_t)flow->lane[j];
+    if (((road->conflict_lanes >> lane_i) & (road->conflict_lanes >> lane_j) & 1u) == 0) {
+        return false;
+    }
+    const float half_i = scene->half_length[i], half_j = scene->half_length[j];
+    for (uint32_t k = 0; k < road->conflict_count; ++k) {
+        const vg_conflict* area = &road->conflicts[k];
+        if (area->lane != lane_i || area->other != lane_j) {
+            continue;
+        }
+        const bool in_i = sweeps(flow->station[i], flow->station[i], half_i, area->from, area->to);
+        const bool will_i = sweeps(flow->station[i], station1[i], half_i, area->from, area->to);
+        const bool will_j =
+            sweeps(flow->station[j], station1[j], half_j, area->other_from, area->other_to);
+        if (!in_i && will_i && will_j) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void vg_flow_advance(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
+                     const uint8_t* actions, vg_flow* next)
+{
+    const size_t bytes = scene->block_count * VG_LANES * sizeof(float);
+    memcpy(next->station, moves->station[0], bytes);
+    memcpy(next->y, moves->y[0], bytes);
+    memcpy(next->v, moves->v[0], bytes);
+    memcpy(next->lane, flow->lane, scene->block_count * VG_LANES * sizeof next->lane[0]);
+    memcpy(next->rate, flow->rate, bytes);
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        next->station[i] = moves->station[along_of[actions[i]]][i];
+        next->v[i] = moves->v[along_of[actions[i]]][i];
+        next->y[i] = moves->y[across_of[actions[i]]][i];
+    }
+    for (uint32_t slot = 0; slot < scene->count; ++slot) {
+        settle(scene, next, slot, slot < scene->controlled_count ? actions[slot] : 0);
+    }
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        earn(scene, flow, next, i, actions[i]);
+    }
+}
+
+void vg_flow_follow(const vg_scene* scene, const vg_flow* flow, double dt, vg_flow* next)
+{
+    if (!scene->plain) {
+        renew_sight(scene, flow);
+    }
+    memcpy(next, flow, sizeof *next);
+    human_moves(scene, flow, (float)dt, next->station, next->v, next->y);
+    for (uint32_t slot = scene->controlled_count; slot < scene->count; ++slot) {
+        settle(scene, next, slot, VERGE_KEEP_SPEED);
+    }
+}
+
+void vg_flow_neighbours(const vg_scene* scene, const vg_flow* flow, uint32_t slot, int32_t* ahead,
+                        int32_t* behind)
+{
+    const uint32_t block = slot / VG_LANES, lane = slot % VG_LANES;
+    const f8 station = load(&flow->station[block * VG_LANES]);
+    const f8 y = load(&flow->y[block * VG_LANES]);
+    float lead = 0.1f * nowhere, back = -0.1f * nowhere;
+    *ahead = *behind = -1;
+    if (!scene->plain) {
+        renew_sight(scene, flow);
+    }
+    for (uint32_t j = 0; j < scene->count; ++j) {
+        const float ds = ahead_by(scene, flow->station[j], station, j, block)[lane];
+        const float dy = left_by(scene, flow->y[j], y, j, block)[lane];
+        const float width = scene->half_width[slot] + scene->half_width[j] + path_air;
+        if (j == slot || dy >= width || dy <= -width) {
+            continue;
+        }
+        if (ds > 0.0f && ds < lead) {
+            lead = ds;
+            *ahead = (int32_t)j;
+        } else if (ds <= 0.0f && ds > back) {
+            back = ds;
+            *behind = (int32_t)j;
+        }
+    }
+}
+
+// From (station, y) back to a lane and its d: over the border after a change, over the seam
+// after a lane's end.
+static void settle(const vg_scene* scene, vg_flow* next, uint32_t slot, uint8_t action)
+{
+    const verge_road* road = scene->road;
+    const vg_lane* lane = &road->lanes[next->lane[slot]];
+    const float station = next->station[slot];
+    float d = next->y[slot] - vg_lane_lateral(lane, station);
+    if (action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT) {
+        const int32_t beside = action == VERGE_CHANGE_LEFT ? lane->left : lane->right;
+        if (beside >= 0) {
+            const float other = next->y[slot] - vg_lane_lateral(&road->lanes[beside], station);
+            // A hair beyond half the way: a partial change that ends on the border has not crossed.
+            if (other * other < d * d - 0.01f) {
+                next->lane[slot] = beside;
+                lane = &road->lanes[beside];
+                d = other;
+            }
+        }
+    }
+    next->d[slot] = d;
+    if (!scene->plain && station > (float)lane->station_end) {
+        const int32_t target = slot < scene->controlled_count ? scene->target[slot] : -1;
+        const uint32_t here = (uint32_t)next->lane[slot];
+        const int32_t on = road->next[here * (road->lane_count + 1u) + (uint32_t)(target + 1)];
+        if (on >= 0) {
+            const float beyond = (station - (float)lane->station_end) * next->rate[slot];
+            next->lane[slot] = on;
+            next->station[slot] =
+                (float)vg_lane_station(&road->lanes[on], (double)beyond);
+        }
+    }
+    lookup(scene, next, slot);
+}
+
+static void earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot, uint8_t action)
+{
+    const verge_planner_def* def = scene->def;
+    const float share = 1.0f / (float)def->steps;
+    float credit = before->credit[slot];
+    float driven = 0.0f;
+    if (vg_flow_in_target(scene, next, slot)) {
+        const float pace = next->v[slot] / scene->limit_share[next->lane[slot]];
+        credit += (float)def->reward_lane * share * (pace < 1.0f ? pace : 1.0f);
+        driven = before->driven[slot] + next->v[slot] * (float)def->step_s;
+    }
+    if (action == before->previous[slot]) {
+        credit += (float)def->reward_consistency * share;
+    }
+    next->credit[slot] = credit;
+    next->driven[slot] = driven;
+    next->previous[slot] = action;
+}
+
+// ---------------------------------------------------------------------------- reward
+
+bool vg_flow_in_target(const vg_scene* scene, const vg_flow* flow, uint32_t slot)
+{
+    const float d = flow->d[slot];
+    return ((scene->good_lanes[slot] >> flow->lane[slot]) & 1u) != 0 && d <= reached_offset
+           && d >= -reached_offset;
+}
+
+bool vg_flow_terminal(const vg_scene* scene, const vg_flow* flow)
+{
+    bool wanted = false;
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        if (scene->target[i] >= 0 && flow->driven[i] < (float)scene->def->target_distance) {
+            return false;
+        }
+        wanted = wanted || scene->target[i] >= 0;
+    }
+    return wanted;
+}
+
+// A terminal flow drives on as it is: its remaining steps earn what the last one would.
+double vg_flow_reward(const vg_scene* scene, const vg_flow* flow, uint32_t step, bool whole)
+{
+    const verge_planner_def* def = scene->def;
+    VERGE_ASSERT(step <= def->steps);
+    const double rest = (double)(def->steps - step) / (double)def->steps;
+    double sum = 0.0;
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        double reward = (double)flow->credit[i];
+        if (whole && vg_flow_in_target(scene, flow, i)) {
+            const double pace = (double)(flow->v[i] / scene->limit_share[flow->lane[i]]);
+            reward += def->reward_target + def->reward_lane * rest * vg_min(pace, 1.0);
+        }
+        if (whole) {
+            reward += def->reward_consistency * rest;
+        }
+        sum += (double)scene->weight[i] * reward;
+    }
+    return vg_clamp(sum, 0.0, 1.0);
+}

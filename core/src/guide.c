@@ -1,0 +1,139 @@
+/// See guide.h.
+
+#include "guide.h"
+
+#include "contract.h"
+#include "scalar.h"
+
+// A change that has come this far beyond a centre goes on to the next one. [m]
+static const double beyond_centre = 0.05;
+
+static int32_t signal_of(uint8_t action)
+{
+    return action == VERGE_CHANGE_LEFT ? 1 : action == VERGE_CHANGE_RIGHT ? -1 : 0;
+}
+
+static int32_t id_of(const int32_t* ids, int32_t slot)
+{
+    return slot < 0 ? -1 : ids[slot];
+}
+
+void vg_guide_actions(const vg_scene* scene, const vg_decision* decision, uint32_t slot,
+                      const int32_t* ids, verge_vehicle_plan* plan)
+{
+    const verge_road* road = scene->road;
+    plan->action_count = decision->line.step_count;
+    for (uint32_t t = 0; t < plan->action_count; ++t) {
+        const vg_flow* after = &decision->flows[t + 1u];
+        const vg_lane* lane = &road->lanes[after->lane[slot]];
+        const uint8_t action = decision->line.actions[t][slot];
+        int32_t ahead = -1, behind = -1;
+        vg_flow_neighbours(scene, after, slot, &ahead, &behind);
+        plan->actions[t] = (verge_action_step){
+            .action = (verge_action)action,
+            .lane_id = lane->id,
+            .t0 = (double)t * scene->def->step_s,
+            .t1 = (double)(t + 1u) * scene->def->step_s,
+            .s = vg_lane_s(lane, (double)after->station[slot]),
+            .d = (double)after->d[slot],
+            .v = (double)after->v[slot],
+            .brake_light = action == VERGE_DECELERATE,
+            .turn_signal = signal_of(action),
+            .ahead_id = id_of(ids, ahead),
+            .behind_id = id_of(ids, behind),
+        };
+    }
+}
+
+// The lane a change is towards, as seen from a lane and an offset on it.
+static uint32_t changed_to(const verge_road* road, uint32_t lane, double d, uint8_t action)
+{
+    const vg_lane* here = &road->lanes[lane];
+    if (action == VERGE_CHANGE_LEFT && d > beyond_centre && here->left >= 0) {
+        return (uint32_t)here->left;
+    }
+    if (action == VERGE_CHANGE_RIGHT && d < -beyond_centre && here->right >= 0) {
+        return (uint32_t)here->right;
+    }
+    return lane;
+}
+
+// Fills in where the run [from, to) is to end; `part` of its last step lies inside the horizon.
+static void aim(const vg_scene* scene, const vg_decision* decision, uint32_t slot, uint32_t from,
+                uint32_t to, double part, vg_segment* segment)
+{
+    const verge_road* road = scene->road;
+    const vg_flow* start = &decision->flows[from];
+    const vg_flow* last = &decision->flows[to - 1u];
+    const vg_flow* end = &decision->flows[to];
+    const uint8_t action = decision->line.actions[from][slot];
+    double way = 0.0;
+    for (uint32_t t = from; t < to; ++t) {
+        way += (double)decision->way[t][slot] * (t + 1u == to ? part : 1.0);
+    }
+    const vg_lane* lane = &road->lanes[start->lane[slot]];
+    segment->action = (verge_action)action;
+    segment->v = (double)last->v[slot] + part * (double)(end->v[slot] - last->v[slot]);
+    segment->lane = (uint32_t)start->lane[slot];
+    segment->d = 0.0;
+    if (signal_of(action) != 0) {
+        // Where the change ends decides the lane; a cut change aims at its part of the way.
+        const uint32_t end_lane = (uint32_t)end->lane[slot];
+        const uint32_t aimed = changed_to(road, end_lane, (double)end->d[slot], action);
+        if (road->lanes[aimed].bundle == lane->bundle) {
+            const double y = (double)last->y[slot]
+                             + part * (double)(end->y[slot] - last->y[slot]);
+            const float station =
+                last->station[slot]
+                + (float)(part * (double)(end->station[slot] - last->station[slot]));
+            segment->lane = aimed;
+            segment->d = y - (double)vg_lane_lateral(&road->lanes[aimed], station);
+        }
+    }
+    const vg_lane* reference = &road->lanes[segment->lane];
+    const double s0 = vg_lane_s(reference, (double)start->station[slot]);
+    segment->s = s0 + way;
+}
+
+void vg_guide_segments(const vg_scene* scene, const vg_decision* decision, uint32_t slot, vg_job* job)
+{
+    const verge_planner_def* def = scene->def;
+    const double horizon = (double)(def->points - 1u) * def->point_s;
+    const vg_line* line = &decision->line;
+    job->segment_count = 0;
+    for (uint32_t from = 0; from < line->step_count && (double)from * def->step_s < horizon - 1e-9;) {
+        const uint8_t action = line->actions[from][slot];
+        uint32_t to = from + 1u;
+        while (to < line->step_count && line->actions[to][slot] == action
+               && (double)to * def->step_s < horizon - 1e-9) {
+            ++to;
+        }
+        const double last_start = (double)(to - 1u) * def->step_s;
+        vg_segment* segment = &job->segments[job->segment_count++];
+        segment->t0 = (double)from * def->step_s;
+        segment->t1 = vg_min((double)to * def->step_s, horizon);
+        aim(scene, decision, slot, from, to, (segment->t1 - last_start) / def->step_s, segment);
+        from = to;
+    }
+    VERGE_ASSERT(job->segment_count > 0);
+}
+
+void vg_guide_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,
+                       verge_vehicle_plan* plan)
+{
+    double v = vehicle->speed;
+    plan->action_count = def->steps;
+    for (uint32_t t = 0; t < def->steps; ++t) {
+        v = vg_max(v - def->deceleration * def->step_s, 0.0);
+        plan->actions[t] = (verge_action_step){
+            .action = VERGE_DECELERATE,
+            .lane_id = VERGE_NO_LANE,
+            .t0 = (double)t * def->step_s,
+            .t1 = (double)(t + 1u) * def->step_s,
+            .v = v,
+            .brake_light = true,
+            .ahead_id = -1,
+            .behind_id = -1,
+        };
+    }
+}

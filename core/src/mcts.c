@@ -1,0 +1,575 @@
+/// Select, expand, simulate, back up; then polish. See mcts.h.
+
+#include "mcts.h"
+
+#include "contract.h"
+#include "scalar.h"
+
+#include <string.h>
+
+enum {
+    none = -1,
+    joint_tries_max = 32,  // joint actions looked at for one expansion
+    repair_tries_max = 4,  // new draws for vehicles in conflict, in a simulation
+    table_size = 4096,     // visits with tabulated logarithm and root
+};
+
+// 64 bytes and the product's walk; the state stands beside it, packed for this scene's counts.
+typedef struct vg_metanode {
+    int32_t  parent, first_child, next_sibling;
+    uint32_t visits;
+    double   value_sum;
+    uint64_t joint_left;   // joint actions not yet looked at
+    uint64_t joint_at;     // number of the next one
+    uint32_t joint_stride; // coprime to the product of the legal sets' sizes
+    uint8_t  depth, opened, terminal;
+    uint8_t  actions[VERGE_CONTROLLED_MAX];
+} vg_metanode;
+
+struct vg_tree {
+    uint32_t     nodes_max, count, stride;
+    vg_metanode* nodes;
+    uint8_t*     states;
+    double*      log_of;       // [table_size]
+    double*      inverse_root; // [table_size] 1 / sqrt(n)
+};
+
+// One search: everything that changes while it runs.
+typedef struct search {
+    vg_tree*        tree;
+    const vg_scene* scene;
+    vg_random*      random;
+    vg_flow         flow[2]; // the simulation's state, double buffered
+    vg_moves        moves;
+    vg_line         line;    // actions of the simulation under way
+    vg_line         best;
+    double          best_reward;
+    verge_search_report* report;
+} search;
+
+static void   search_tree(search* self, uint32_t budget);
+static void   iterate(search* self, int32_t root);
+static void   polish(search* self, uint32_t budget);
+static double simulate_line(search* self, const vg_flow* from, const vg_line* wish);
+static void   replay(search* self, const vg_line* line, vg_decision* decision);
+
+// ---------------------------------------------------------------------------- the pool
+
+uint32_t vg_node_size(uint32_t vehicle_count, uint32_t controlled_count)
+{
+    const uint32_t state = 13u * vehicle_count + 9u * controlled_count;
+    return (uint32_t)sizeof(vg_metanode) + (state + 7u) / 8u * 8u;
+}
+
+static uint32_t state_size(uint32_t vehicle_count, uint32_t controlled_count)
+{
+    return vg_node_size(vehicle_count, controlled_count) - (uint32_t)sizeof(vg_metanode);
+}
+
+vg_tree* vg_tree_take(vg_arena* arena, const verge_planner_def* def)
+{
+    const size_t nodes = def->nodes_max;
+    vg_tree* tree = vg_arena_take(arena, sizeof *tree);
+    vg_metanode* pool = vg_arena_take(arena, nodes * sizeof *pool);
+    uint8_t* states = vg_arena_take(arena, nodes * state_size(def->vehicles_max, def->controlled_max));
+    double* log_of = vg_arena_take(arena, table_size * sizeof *log_of);
+    double* inverse_root = vg_arena_take(arena, table_size * sizeof *inverse_root);
+    if (tree == NULL || pool == NULL || states == NULL || log_of == NULL || inverse_root == NULL) {
+        return NULL;
+    }
+    *tree = (vg_tree){ def->nodes_max, 0, 0, pool, states, log_of, inverse_root };
+    for (uint32_t n = 1; n < table_size; ++n) {
+        log_of[n] = vg_log((double)n);
+        inverse_root[n] = 1.0 / vg_sqrt((double)n);
+    }
+    return tree;
+}
+
+static uint8_t* put(uint8_t* to, const void* from, size_t size)
+{
+    memcpy(to, from, size);
+    return to + size;
+}
+
+static const uint8_t* get(const uint8_t* from, void* to, size_t size)
+{
+    memcpy(to, from, size);
+    return from + size;
+}
+
+static void save(const search* self, int32_t node, const vg_flow* flow)
+{
+    const size_t count = self->scene->count, planned = self->scene->controlled_count;
+    uint8_t* to = self->tree->states + (size_t)node * self->tree->stride;
+    to = put(to, flow->station, count * sizeof(float));
+    to = put(to, flow->d, count * sizeof(float));
+    to = put(to, flow->v, count * sizeof(float));
+    to = put(to, flow->credit, planned * sizeof(float));
+    to = put(to, flow->driven, planned * sizeof(float));
+    to = put(to, flow->previous, planned);
+    for (size_t i = 0; i < count; ++i) {
+        to[i] = (uint8_t)flow->lane[i];
+    }
+}
+
+static void load_state(const search* self, int32_t node, vg_flow* flow)
+{
+    const size_t count = self->scene->count, planned = self->scene->controlled_count;
+    const uint8_t* from = self->tree->states + (size_t)node * self->tree->stride;
+    from = get(from, flow->station, count * sizeof(float));
+    from = get(from, flow->d, count * sizeof(float));
+    from = get(from, flow->v, count * sizeof(float));
+    from = get(from, flow->credit, planned * sizeof(float));
+    from = get(from, flow->driven, planned * sizeof(float));
+    from = get(from, flow->previous, planned);
+    for (size_t i = 0; i < count; ++i) {
+        flow->lane[i] = from[i];
+    }
+    vg_flow_derive(self->scene, flow);
+}
+
+static int32_t new_node(search* self, int32_t parent, const uint8_t* actions, const vg_flow* flow)
+{
+    vg_tree* tree = self->tree;
+    VERGE_ASSERT(tree->count < tree->nodes_max);
+    const int32_t at = (int32_t)tree->count++;
+    vg_metanode* node = &tree->nodes[at];
+    memset(node, 0, sizeof *node);
+    node->parent = parent;
+    node->first_child = node->next_sibling = none;
+    if (parent != none) {
+        vg_metanode* above = &tree->nodes[parent];
+        memcpy(node->actions, actions, self->scene->controlled_count);
+        node->depth = (uint8_t)(above->depth + 1u);
+        node->next_sibling = above->first_child;
+        above->first_child = at;
+    }
+    node->terminal = node->depth >= self->scene->def->steps || vg_flow_terminal(self->scene, flow);
+    self->report->depth = node->depth > self->report->depth ? node->depth : self->report->depth;
+    save(self, at, flow);
+    return at;
+}
+
+// ---------------------------------------------------------------------------- run
+
+void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_random* random,
+                 const vg_line* warm, vg_decision* decision)
+{
+    const verge_planner_def* def = scene->def;
+    memset(&decision->report, 0, sizeof decision->report);
+    tree->count = 0;
+    tree->stride = state_size(scene->count, scene->controlled_count);
+    search self = { .tree = tree, .scene = scene, .random = random, .best_reward = -1.0,
+                    .report = &decision->report };
+    memset(self.flow, 0, sizeof self.flow);
+    memset(&self.moves, 0, sizeof self.moves);
+    memcpy(&self.flow[0], root, sizeof *root); // padding slots are set once and stay
+    memcpy(&self.flow[1], root, sizeof *root);
+    (void)new_node(&self, none, NULL, root);
+
+    const bool best = def->search == VERGE_SEARCH_BEST;
+    const uint32_t budget = def->iterations;
+    double warm_reward = -1.0;
+    vg_line kept = { .step_count = 0 };
+    if (best && warm != NULL) {
+        warm_reward = simulate_line(&self, root, warm);
+        kept = self.best;
+    }
+    const uint32_t left = budget - (self.report->iterations < budget ? self.report->iterations : budget);
+    search_tree(&self, best ? left - left / 2u : left);
+    if (best) {
+        polish(&self, budget - self.report->iterations);
+        if (warm_reward >= 0.0 && self.best_reward < warm_reward + def->switch_margin) {
+            self.best = kept;
+        }
+    }
+    replay(&self, &self.best, decision);
+    decision->report.nodes = tree->count;
+}
+
+// The share of the budget of step t is 1/(t/2 + 1) (findings/paper.md); the rest goes to step 0.
+static uint32_t share_of(uint32_t budget, uint32_t step, uint32_t steps)
+{
+    double sum = 0.0;
+    for (uint32_t t = 0; t < steps; ++t) {
+        sum += 2.0 / (double)(t + 2u);
+    }
+    return (uint32_t)((double)budget * (2.0 / (double)(step + 2u)) / sum);
+}
+
+static int32_t greedy_child(const vg_tree* tree, int32_t node)
+{
+    int32_t best = none;
+    double best_mean = -1.0;
+    uint32_t best_visits = 0;
+    for (int32_t c = tree->nodes[node].first_child; c != none; c = tree->nodes[c].next_sibling) {
+        const vg_metanode* child = &tree->nodes[c];
+        const double mean = child->value_sum / (double)child->visits;
+        if (mean > best_mean || (mean == best_mean && child->visits > best_visits)) {
+            best = c;
+            best_mean = mean;
+            best_visits = child->visits;
+        }
+    }
+    return best;
+}
+
+// The root goes down with the decision: every step is searched from the child chosen before.
+static void search_tree(search* self, uint32_t budget)
+{
+    const uint32_t steps = self->scene->def->steps;
+    uint32_t spare = budget;
+    for (uint32_t t = 0; t < steps; ++t) {
+        spare -= share_of(budget, t, steps);
+    }
+    vg_line committed = { .step_count = 0 };
+    int32_t root = 0;
+    for (uint32_t t = 0; t < steps; ++t) {
+        const uint32_t share = share_of(budget, t, steps) + (t == 0 ? spare : 0u);
+        for (uint32_t k = 0; k < share; ++k) {
+            iterate(self, root);
+        }
+        const int32_t child = greedy_child(self->tree, root);
+        if (child != none) {
+            memcpy(committed.actions[committed.step_count++], self->tree->nodes[child].actions,
+                   self->scene->controlled_count);
+            root = child;
+        }
+    }
+    if (self->scene->def->search == VERGE_SEARCH_PAPER || self->best_reward < 0.0) {
+        self->best = committed;
+    }
+}
+
+// ---------------------------------------------------------------------------- one iteration
+
+static double log_of(const vg_tree* tree, uint32_t n)
+{
+    return n < table_size ? tree->log_of[n] : vg_log((double)n);
+}
+
+// Eq. 1.
+static int32_t uct_child(const search* self, const vg_metanode* node)
+{
+    const vg_tree* tree = self->tree;
+    const double scale = 2.0 * self->scene->def->exploration
+                         * vg_sqrt(2.0 * log_of(tree, node->visits > 0 ? node->visits : 1));
+    int32_t best = none;
+    double best_value = -1.0;
+    for (int32_t c = node->first_child; c != none; c = tree->nodes[c].next_sibling) {
+        const vg_metanode* child = &tree->nodes[c];
+        const uint32_t n = child->visits;
+        const double root = n < table_size ? tree->inverse_root[n] : 1.0 / vg_sqrt((double)n);
+        const double value = child->value_sum / (double)n + scale * root;
+        if (value > best_value) {
+            best = c;
+            best_value = value;
+        }
+    }
+    return best;
+}
+
+static uint32_t size_of(uint8_t set)
+{
+    return (uint32_t)__builtin_popcount(set);
+}
+
+static uint8_t member_of(uint8_t set, uint32_t index)
+{
+    for (; index > 0; --index) {
+        set = (uint8_t)(set & (set - 1u));
+    }
+    return (uint8_t)__builtin_ctz(set);
+}
+
+// Starts the walk over a node's joint actions: any stride without the factors 2, 3 and 5 is
+// coprime to a product of set sizes up to 5, so the walk meets each joint action once.
+static void open_node(search* self, vg_metanode* node)
+{
+    uint64_t product = 1;
+    for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
+        product *= size_of(self->moves.legal[i]);
+    }
+    uint32_t stride = vg_random_next(self->random) % 1000003u;
+    while (stride % 2u == 0 || stride % 3u == 0 || stride % 5u == 0) {
+        ++stride;
+    }
+    node->opened = 1;
+    node->joint_left = product;
+    node->joint_at = vg_random_next(self->random) % product;
+    node->joint_stride = stride;
+}
+
+static void decode(const search* self, uint64_t number, uint8_t* actions)
+{
+    for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
+        const uint64_t size = size_of(self->moves.legal[i]);
+        actions[i] = member_of(self->moves.legal[i], (uint32_t)(number % size));
+        number /= size;
+    }
+}
+
+// The next joint action of this node that has no conflict; false: none found this time.
+static bool next_joint_action(search* self, vg_metanode* node, uint8_t* actions)
+{
+    uint64_t product = 1;
+    for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
+        product *= size_of(self->moves.legal[i]);
+    }
+    for (uint32_t tries = 0; tries < joint_tries_max && node->joint_left > 0; ++tries) {
+        decode(self, node->joint_at, actions);
+        node->joint_at = (node->joint_at + node->joint_stride) % product;
+        node->joint_left--;
+        if (vg_flow_conflicts(self->scene, &self->flow[0], &self->moves, actions) == 0) {
+            return true;
+        }
+        self->report->pruned++;
+    }
+    return false;
+}
+
+static void draw(search* self, uint8_t* actions, uint32_t which)
+{
+    for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
+        if (((which >> i) & 1u) != 0) {
+            const uint8_t legal = self->moves.legal[i];
+            actions[i] = member_of(legal, vg_random_below(self->random, size_of(legal)));
+        }
+    }
+}
+
+// Draws again for the vehicles in conflict, a few times.
+static bool repair(search* self, uint8_t* actions)
+{
+    for (uint32_t tries = 0; tries < repair_tries_max; ++tries) {
+        const uint32_t conflicts =
+            vg_flow_conflicts(self->scene, &self->flow[0], &self->moves, actions);
+        if (conflicts == 0) {
+            return true;
+        }
+        draw(self, actions, conflicts);
+    }
+    return vg_flow_conflicts(self->scene, &self->flow[0], &self->moves, actions) == 0;
+}
+
+// flow[0] moves on by these actions, which are noted in the line.
+static void step(search* self, const uint8_t* actions)
+{
+    memcpy(self->line.actions[self->line.step_count++], actions, self->scene->controlled_count);
+    vg_flow_advance(self->scene, &self->flow[0], &self->moves, actions, &self->flow[1]);
+    const size_t vectors = self->scene->block_count * VG_LANES * sizeof(float);
+    vg_flow* to = &self->flow[0];
+    const vg_flow* from = &self->flow[1];
+    memcpy(to->station, from->station, vectors);
+    memcpy(to->d, from->d, vectors);
+    memcpy(to->v, from->v, vectors);
+    memcpy(to->lane, from->lane, vectors);
+    memcpy(to->y, from->y, vectors);
+    memcpy(to->rate, from->rate, vectors);
+    memcpy(to->left_gap, from->left_gap, vectors);
+    memcpy(to->right_gap, from->right_gap, vectors);
+    memcpy(to->credit, from->credit, sizeof to->credit);
+    memcpy(to->driven, from->driven, sizeof to->driven);
+    memcpy(to->previous, from->previous, sizeof to->previous);
+}
+
+static bool over(const search* self)
+{
+    return self->line.step_count >= self->scene->def->steps
+           || vg_flow_terminal(self->scene, &self->flow[0]);
+}
+
+// The simulation's end: its reward, and the plan to keep if none was better.
+static double finish(search* self, bool whole)
+{
+    const double reward =
+        vg_flow_reward(self->scene, &self->flow[0], self->line.step_count, whole);
+    self->report->iterations++;
+    if (whole && reward > self->best_reward) {
+        self->best = self->line;
+        self->best_reward = reward;
+        self->report->nodes_first = self->tree->count;
+    }
+    return reward;
+}
+
+// Default policy: uniform over each vehicle's legal actions, until the horizon or all is done.
+static double simulate(search* self)
+{
+    while (!over(self)) {
+        uint8_t actions[VERGE_CONTROLLED_MAX];
+        vg_flow_moves(self->scene, &self->flow[0], &self->moves);
+        draw(self, actions, ~0u);
+        if (!repair(self, actions)) {
+            return finish(self, false);
+        }
+        step(self, actions);
+    }
+    return finish(self, true);
+}
+
+static int32_t descend(search* self, int32_t root)
+{
+    const vg_tree* tree = self->tree;
+    int32_t at = root;
+    for (uint32_t layer = 0; layer <= VERGE_STEPS_MAX; ++layer) {
+        const vg_metanode* node = &tree->nodes[at];
+        if (node->terminal || !node->opened || node->joint_left > 0 || node->first_child == none) {
+            break;
+        }
+        at = uct_child(self, node);
+    }
+    return at;
+}
+
+// Actions on the way from the very first root to a node.
+static void trace(search* self, int32_t node)
+{
+    const vg_tree* tree = self->tree;
+    self->line.step_count = tree->nodes[node].depth;
+    for (int32_t at = node; tree->nodes[at].parent != none; at = tree->nodes[at].parent) {
+        memcpy(self->line.actions[tree->nodes[at].depth - 1u], tree->nodes[at].actions,
+               self->scene->controlled_count);
+    }
+}
+
+static void iterate(search* self, int32_t root)
+{
+    int32_t at = descend(self, root);
+    vg_metanode* node = &self->tree->nodes[at];
+    load_state(self, at, &self->flow[0]);
+    trace(self, at);
+    if (!node->terminal) {
+        uint8_t actions[VERGE_CONTROLLED_MAX];
+        vg_flow_moves(self->scene, &self->flow[0], &self->moves);
+        if (!node->opened) {
+            open_node(self, node);
+        }
+        if (self->tree->count == self->tree->nodes_max) {
+            self->report->unexpanded += node->joint_left > 0 ? 1u : 0u;
+        } else if (next_joint_action(self, node, actions)) {
+            step(self, actions);
+            at = new_node(self, at, actions, &self->flow[0]);
+        }
+    }
+    const double reward = simulate(self);
+    for (; at != none; at = self->tree->nodes[at].parent) {
+        self->tree->nodes[at].visits++;
+        self->tree->nodes[at].value_sum += reward;
+    }
+}
+
+// ---------------------------------------------------------------------------- polish
+
+// What is legal and nearest to the wish: the wish, else KS, DC, AC, else the lowest.
+static uint8_t nearest_legal(uint8_t legal, uint8_t wish)
+{
+    const uint8_t order[] = { wish, VERGE_KEEP_SPEED, VERGE_DECELERATE, VERGE_ACCELERATE };
+    for (uint32_t k = 0; k < sizeof order; ++k) {
+        if (((legal >> order[k]) & 1u) != 0) {
+            return order[k];
+        }
+    }
+    return (uint8_t)__builtin_ctz(legal);
+}
+
+static uint8_t wish_of(const vg_line* wish, uint32_t step_index, uint32_t slot)
+{
+    return step_index < wish->step_count ? wish->actions[step_index][slot]
+                                         : (uint8_t)VERGE_KEEP_SPEED;
+}
+
+// A whole plan, as near to the wish as the rules allow.
+static double simulate_line(search* self, const vg_flow* from, const vg_line* wish)
+{
+    memcpy(&self->flow[0], from, sizeof *from);
+    self->line.step_count = 0;
+    while (!over(self)) {
+        uint8_t actions[VERGE_CONTROLLED_MAX];
+        vg_flow_moves(self->scene, &self->flow[0], &self->moves);
+        for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
+            actions[i] =
+                nearest_legal(self->moves.legal[i], wish_of(wish, self->line.step_count, i));
+        }
+        if (!repair(self, actions)) {
+            return finish(self, false);
+        }
+        step(self, actions);
+    }
+    return finish(self, true);
+}
+
+// One vehicle does one thing over one stretch of steps.
+static void mutate(search* self, vg_line* line)
+{
+    const uint32_t steps = self->scene->def->steps;
+    const uint32_t slot = vg_random_below(self->random, self->scene->controlled_count);
+    const uint32_t from = vg_random_below(self->random, steps);
+    const uint32_t length = 1u + vg_random_below(self->random, steps - from);
+    const uint8_t action = (uint8_t)vg_random_below(self->random, VERGE_ACTION_COUNT);
+    for (uint32_t t = from; t < from + length; ++t) {
+        line->actions[t][slot] = action;
+    }
+}
+
+static void polish(search* self, uint32_t budget)
+{
+    vg_flow root;
+    memcpy(&root, &self->flow[0], sizeof root);
+    load_state(self, 0, &root);
+    for (uint32_t k = 0; k < budget; ++k) {
+        vg_line line = self->best;
+        for (uint32_t t = line.step_count; t < self->scene->def->steps; ++t) {
+            memset(line.actions[t], VERGE_KEEP_SPEED, sizeof line.actions[t]);
+        }
+        line.step_count = self->scene->def->steps;
+        mutate(self, &line);
+        if (k % 4u == 3u) {
+            mutate(self, &line);
+        }
+        (void)simulate_line(self, &root, &line);
+    }
+}
+
+// ---------------------------------------------------------------------------- the answer
+
+// The plan step by step, to the horizon: a line that ended early is driven on as it is.
+static void replay(search* self, const vg_line* line, vg_decision* decision)
+{
+    const vg_scene* scene = self->scene;
+    load_state(self, 0, &self->flow[0]);
+    decision->flows[0] = self->flow[0];
+    self->line.step_count = 0;
+    bool ended_early = false;
+    for (uint32_t t = 0; t < scene->def->steps; ++t) {
+        uint8_t actions[VERGE_CONTROLLED_MAX];
+        vg_flow_moves(scene, &self->flow[0], &self->moves);
+        for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+            actions[i] = nearest_legal(self->moves.legal[i], wish_of(line, t, i));
+        }
+        if (!ended_early && vg_flow_terminal(scene, &self->flow[0])) {
+            ended_early = true;
+            self->report->reward = vg_flow_reward(scene, &self->flow[0], t, true);
+        }
+        const vg_flow before = self->flow[0];
+        step(self, actions);
+        decision->flows[t + 1u] = self->flow[0];
+        for (uint32_t i = 0; i < scene->count; ++i) {
+            const bool planned = i < scene->controlled_count;
+            const uint32_t along = planned && actions[i] == VERGE_ACCELERATE ? 1u
+                                   : planned && actions[i] == VERGE_DECELERATE ? 2u : 0u;
+            decision->way[t][i] = (self->moves.station[along][i] - before.station[i]) * before.rate[i];
+        }
+    }
+    decision->line = self->line;
+    if (!ended_early) {
+        self->report->reward =
+            vg_flow_reward(scene, &self->flow[0], self->line.step_count, true);
+    }
+    self->report->complete = true;
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        self->report->complete = self->report->complete
+                                 && (scene->target[i] < 0
+                                     || vg_flow_in_target(scene, &self->flow[0], i));
+    }
+}

@@ -1,0 +1,131 @@
+/// Words for people: statuses, actions, reasons, habits, and the sentence of an action.
+
+#include "verge/plan.h"
+
+const char* verge_status_text(verge_status status)
+{
+    switch (status) {
+    case VERGE_OK: return "ok";
+    case VERGE_ERR_DEF: return "a planner parameter is out of its range";
+    case VERGE_ERR_MEMORY: return "the memory given is too small or not aligned to 64 bytes";
+    case VERGE_ERR_ROAD: return "the road cannot be built";
+    case VERGE_ERR_CAPACITY: return "more vehicles than the capacity";
+    case VERGE_ERR_VEHICLE: return "a vehicle with a value that is not finite or out of range";
+    case VERGE_ERR_DUPLICATE: return "two vehicles with one id";
+    case VERGE_ERR_OFF_ROAD: return "a vehicle that is on no lane";
+    }
+    return "unknown status";
+}
+
+const char* verge_action_name(verge_action action)
+{
+    static const char* const names[VERGE_ACTION_COUNT] = { "KS", "AC", "DC", "LCL", "LCR" };
+    return (unsigned)action < VERGE_ACTION_COUNT ? names[action] : "??";
+}
+
+const char* verge_reason_text(verge_reason reason)
+{
+    switch (reason) {
+    case VERGE_REASON_NONE: return "none";
+    case VERGE_REASON_NO_FEASIBLE: return "no candidate within the vehicle's limits";
+    case VERGE_REASON_COLLISION: return "every candidate meets a predicted vehicle";
+    case VERGE_REASON_JOINT: return "every candidate meets another planned vehicle";
+    case VERGE_REASON_OVERLAP_NOW: return "the vehicle overlaps another one already";
+    case VERGE_REASON_OFF_ROAD: return "the vehicle is on no lane";
+    case VERGE_REASON_OVERRUN: return "the planning cycle ran out of time";
+    case VERGE_REASON_STALE: return "the vehicle's state is too old";
+    }
+    return "unknown reason";
+}
+
+// Table 2 of the paper gives cooperation, obstacle, offset (its "out") and jerk. Curvature,
+// heading and acceleration are the same for all three (findings/paper.md): the paper is silent.
+verge_habit verge_habit_of(verge_habit_kind kind)
+{
+    verge_habit habit = {
+        .cooperation = 0.5,
+        .weights = { .curvature = 1.0, .heading = 1.0, .offset = 5.0, .acceleration = 1.0,
+                     .jerk = 1.0, .obstacle = 4.0 },
+    };
+    if (kind == VERGE_AGGRESSIVE) {
+        habit.cooperation = 0.1;
+        habit.weights.obstacle = 2.0;
+        habit.weights.offset = 6.5;
+        habit.weights.jerk = 0.7;
+    } else if (kind == VERGE_CONSERVATIVE) {
+        habit.cooperation = 0.9;
+        habit.weights.obstacle = 6.0;
+        habit.weights.offset = 4.0;
+        habit.weights.jerk = 1.2;
+    }
+    return habit;
+}
+
+verge_vehicle verge_vehicle_default(void)
+{
+    const verge_vehicle vehicle = {
+        .length = 5.0, // paper, section 4
+        .width = 2.0,
+        .yaw_rate = __builtin_nan(""),
+        .target_lane = VERGE_NO_LANE,
+        .habit = verge_habit_of(VERGE_NORMAL),
+    };
+    return vehicle;
+}
+
+// A bounded string under construction; what does not fit is cut.
+typedef struct sentence {
+    char*  text;
+    size_t size, used;
+} sentence;
+
+static void say(sentence* to, const char* words)
+{
+    for (; *words != '\0' && to->used + 1 < to->size; ++words) {
+        to->text[to->used++] = *words;
+    }
+}
+
+static void say_id(sentence* to, int32_t id)
+{
+    char digits[12];
+    size_t first = sizeof digits - 1;
+    digits[first] = '\0';
+    uint32_t rest = id < 0 ? 0u : (uint32_t)id;
+    do {
+        digits[--first] = (char)('0' + rest % 10u);
+        rest /= 10u;
+    } while (rest != 0u);
+    say(to, &digits[first]);
+}
+
+static void say_neighbour(sentence* to, const char* relation, int32_t id)
+{
+    say(to, relation);
+    say(to, " vehicle ");
+    say_id(to, id);
+}
+
+size_t verge_action_say(const verge_action_step* step, char* text, size_t size)
+{
+    sentence to = { text, size, 0 };
+    if (size == 0) {
+        return 0;
+    }
+    const bool changing = step->action == VERGE_CHANGE_LEFT || step->action == VERGE_CHANGE_RIGHT;
+    switch (step->action) {
+    case VERGE_KEEP_SPEED: say(&to, "keeping lane and speed"); break;
+    case VERGE_ACCELERATE: say(&to, "speeding up"); break;
+    case VERGE_DECELERATE: say(&to, "slowing down"); break;
+    case VERGE_CHANGE_LEFT: say(&to, "changing to the left lane"); break;
+    case VERGE_CHANGE_RIGHT: say(&to, "changing to the right lane"); break;
+    }
+    if (step->ahead_id >= 0) {
+        say_neighbour(&to, " behind", step->ahead_id);
+    }
+    if (changing && step->behind_id >= 0) {
+        say_neighbour(&to, step->ahead_id >= 0 ? ", ahead of" : " ahead of", step->behind_id);
+    }
+    text[to.used] = '\0';
+    return to.used;
+}

@@ -7,11 +7,14 @@ file. Numbers are written with all their digits; the C compiler reads them as th
 Included by tests/determinism/digest_main.c, which explains the rest.
 """
 import json
+import math
 import pathlib
 import sys
 
 HABITS = {"aggressive": 0, "normal": 1, "conservative": 2}
 WEIGHTS = ("curvature", "heading", "offset", "acceleration", "jerk", "obstacle")
+INSTANT = 1e-6           # [s] instants closer than this are the same
+ACCELERATION_MAX = 15.0  # [m/s^2] larger ones are measurement noise
 SEARCH = {"paper": "VERGE_SEARCH_PAPER", "best": "VERGE_SEARCH_BEST"}
 
 
@@ -52,15 +55,42 @@ def lane_tables(name, lanes):
     yield "};"
 
 
+def wrapped(angle):
+    """Into (-pi, pi]; an angle that is inside stays as it is."""
+    while angle > math.pi:
+        angle -= 2.0 * math.pi
+    while angle <= -math.pi:
+        angle += 2.0 * math.pi
+    return angle
+
+
 def at_start(vehicle):
-    """The vehicle's state at t = 0, or None if its track brings it into the scene later."""
+    """The vehicle at t = 0, or None where its track enters later or has left.
+
+    The arithmetic of scenario_track_at() in apps/common/scenario.c, operation by operation.
+    """
     track = vehicle.get("track")
     if not track:
-        return vehicle
-    t, x, y, heading, speed = track[0]
-    if t > 0.0:
+        return {**vehicle, "heading": wrapped(float(vehicle["heading"])), "yaw_rate": None}
+    if track[0][0] > INSTANT or track[-1][0] < -INSTANT:
         return None
-    return {**vehicle, "x": x, "y": y, "heading": heading, "speed": speed}
+    after = 1 if len(track) > 1 else 0
+    while after + 1 < len(track) and track[after][0] <= 0.0:
+        after += 1
+    start, end = track[max(after - 1, 0)], track[after]
+    step = float(end[0] - start[0])
+    share = min(max((0.0 - start[0]) / step, 0.0), 1.0) if step > 0.0 else 0.0
+    from_heading, to_heading = wrapped(float(start[3])), wrapped(float(end[3]))
+    turn = wrapped(to_heading - from_heading)
+    now = {**vehicle, "yaw_rate": None}
+    for key, k in (("x", 1), ("y", 2), ("speed", 4)):
+        now[key] = start[k] + share * (end[k] - start[k])
+    now["heading"] = wrapped(from_heading + share * turn)
+    if step > 0.0:
+        rate = (end[4] - start[4]) / step
+        now["acceleration"] = min(max(rate, -ACCELERATION_MAX), ACCELERATION_MAX)
+        now["yaw_rate"] = turn / step
+    return now
 
 
 def vehicle_row(vehicle):
@@ -77,7 +107,8 @@ def vehicle_row(vehicle):
     return (
         f"    {{{vehicle['id']}, {'true' if vehicle['control'] == 'controlled' else 'false'},"
         f" {number(vehicle['x'])}, {number(vehicle['y'])}, {number(vehicle['heading'])},\n"
-        f"     {number(vehicle['speed'])}, {number(vehicle.get('acceleration', 0.0))},"
+        f"     {number(vehicle['speed'])}, {number(vehicle['acceleration'])},"
+        f" {'NAN' if vehicle['yaw_rate'] is None else number(vehicle['yaw_rate'])},"
         f" {number(vehicle['length'])}, {number(vehicle['width'])}, {lane_id(target)},\n"
         f"     {kind}, {number(cooperation)}, {{{', '.join(map(number, weights))}}}}},"
     )

@@ -11,6 +11,7 @@
 #include "verge/verge.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,7 +20,7 @@
 typedef struct vehicle_row {
     int32_t id;
     bool    controlled;
-    double  x, y, heading, speed, acceleration, length, width;
+    double  x, y, heading, speed, acceleration, yaw_rate, length, width;
     int32_t target_lane;
     int     habit_kind;
     double  cooperation;
@@ -54,6 +55,7 @@ static verge_vehicle vehicle_from(const vehicle_row* row)
     vehicle.heading = row->heading;
     vehicle.speed = row->speed;
     vehicle.acceleration = row->acceleration;
+    vehicle.yaw_rate = row->yaw_rate;
     vehicle.length = row->length;
     vehicle.width = row->width;
     vehicle.target_lane = row->target_lane;

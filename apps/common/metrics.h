@@ -1,0 +1,67 @@
+/// What a closed-loop run was like, tick by tick and cycle by cycle.
+///
+/// success          every intention of a controlled vehicle reached by the end of the run, and
+///                  no contact of a controlled vehicle
+/// collisions       pairs of vehicles that touched at some tick, at least one of them controlled
+/// collisions_human the same between humans (recorded positions can overlap)
+/// finish_time      [s] per vehicle: first tick at which its centre is in the target lane or in
+///                  a lane that continues it; `mean` is that of the vehicles that got there
+/// reached_time     [s] the same, but within 0.5 m of that lane's centreline
+///                  A vehicle that starts in its target lane (it keeps it) counts for success
+///                  and is not listed in these two. Null: not reached.
+/// min_distance     [m] between two bodies, over all pairs and ticks
+/// min_center_gap   [m] the paper's: distance of centres less 5 m, of vehicles within 2 m of
+///                  each other across the direction of one of them
+/// min_ttc          [s] gap over closing speed of a vehicle and one ahead of it that overlaps it
+///                  laterally, both going on straight at their speeds
+/// max_abs_*        over controlled vehicles, at each tick
+/// fallbacks        vehicle plans that were fallbacks
+/// nodes_mean       [1] search nodes a cycle
+/// cycle_ms         [ms] of planning: p50, p99 (nearest rank), max
+///
+/// Quantities of which there was nothing to measure are infinite or NaN here, null in JSON.
+#ifndef VERGE_APPS_METRICS_H
+#define VERGE_APPS_METRICS_H
+
+#include "world.h"
+
+typedef struct metrics_vehicle {
+    int32_t id;
+    bool    intends;       ///< controlled, with a target lane
+    bool    keeps;         ///< its target lane is the one it starts in
+    double  finish_time;   ///< [s] NaN: not yet
+    double  reached_time;  ///< [s] NaN: not yet
+} metrics_vehicle;
+
+typedef struct metrics {
+    uint32_t         vehicle_count;
+    metrics_vehicle* vehicles;     ///< in the scenario's order
+    bool*            touched;      ///< [vehicle][vehicle]
+    uint32_t collisions, collisions_human;
+    double   min_distance, min_center_gap, min_ttc;
+    double   max_abs_acceleration, max_abs_jerk, max_abs_curvature;
+    uint64_t fallbacks, nodes, cycles;
+    double*  cycle_ms;
+    uint32_t cycle_ms_count, cycle_ms_capacity;
+} metrics;
+
+/// The world at its start; metrics_tick() is due for its first tick, too. False: out of memory.
+bool metrics_init(metrics* self, const world* world);
+void metrics_free(metrics* self);
+
+/// The world as it is at one tick.
+void metrics_tick(metrics* self, const world* world);
+/// One planning cycle. ms: how long it took [ms]; negative: not measured.
+void metrics_cycle(metrics* self, const verge_plan* plan, double ms);
+
+bool   metrics_success(const metrics* self);
+double metrics_finish_mean(const metrics* self);  ///< [s] NaN: nobody finished
+double metrics_reached_mean(const metrics* self); ///< [s] NaN: nobody finished
+
+/// {"success": .., ...}. timing: with cycle_ms. line: what separates the fields, "" or "\n".
+void metrics_write(FILE* out, const metrics* self, bool timing, const char* line);
+
+/// Smallest value that at least `share` (0 .. 1] of the sorted values do not exceed; NaN: none.
+double percentile(const double* sorted, uint32_t count, double share);
+
+#endif

@@ -1,0 +1,139 @@
+/// See plan_json.h.
+#include "plan_json.h"
+
+#include "number.h"
+
+static void search_write(FILE* out, const verge_search_report* search);
+static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double dt,
+                          const char* line);
+static void status_write(FILE* out, const verge_vehicle_plan* vehicle);
+static void action_write(FILE* out, const verge_action_step* step);
+static void cost_write(FILE* out, const verge_cost* cost);
+static void row_write(FILE* out, const double* values, uint32_t count);
+
+void plan_write(FILE* out, const verge_plan* plan, const char* scenario, double dt,
+                plan_layout layout)
+{
+    const char* line = layout == PLAN_READABLE ? "\n" : "";
+    fputs("{\"format\":\"verge-plan/1\",\"scenario\":", out);
+    string_write(out, scenario);
+    fprintf(out, ",\"utime\":%lld,\"digest\":", (long long)plan->utime);
+    digest_write(out, plan->digest);
+    fprintf(out, ",%s\"search\":", line);
+    search_write(out, &plan->search);
+    fprintf(out, ",%s\"vehicles\":[", line);
+    for (uint32_t i = 0; i < plan->vehicle_count; i++) {
+        fprintf(out, "%s%s", i == 0 ? "" : ",", line);
+        vehicle_write(out, &plan->vehicles[i], dt, line);
+    }
+    fprintf(out, "],%s\"predictions\":[", line);
+    for (uint32_t i = 0; i < plan->prediction_count; i++) {
+        const verge_prediction* prediction = &plan->predictions[i];
+        fprintf(out, "%s%s{\"id\":%d,\"points\":[", i == 0 ? "" : ",", line,
+                prediction->vehicle_id);
+        for (uint32_t k = 0; k < prediction->point_count; k++) {
+            const verge_pose* pose = &prediction->points[k];
+            const double      row[] = { pose->t, pose->x, pose->y, pose->heading };
+            fprintf(out, "%s%s", k == 0 ? "" : ",", line);
+            row_write(out, row, 4);
+        }
+        fputs("]}", out);
+    }
+    fprintf(out, "]}%s", line);
+}
+
+const char* turn_signal_name(int32_t turn_signal)
+{
+    return turn_signal < 0 ? "right" : turn_signal > 0 ? "left" : "none";
+}
+
+static void search_write(FILE* out, const verge_search_report* search)
+{
+    fprintf(out, "{\"iterations\":%u,\"nodes\":%u,\"nodes_first\":%u,\"depth\":%u,\"pruned\":%u,"
+            "\"unexpanded\":%u,\"reward\":", search->iterations, search->nodes, search->nodes_first,
+            search->depth, search->pruned, search->unexpanded);
+    number_write(out, search->reward);
+    fprintf(out, ",\"complete\":%s}", search->complete ? "true" : "false");
+}
+
+static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double dt, const char* line)
+{
+    fprintf(out, "{\"id\":%d,", vehicle->vehicle_id);
+    status_write(out, vehicle);
+    fprintf(out, ",%s\"actions\":[", line);
+    for (uint32_t i = 0; i < vehicle->action_count; i++) {
+        fprintf(out, "%s%s", i == 0 ? "" : ",", line);
+        action_write(out, &vehicle->actions[i]);
+    }
+    fprintf(out, "],%s\"trajectory\":{\"dt\":", line);
+    number_write(out, dt);
+    fputs(",\"columns\":[\"t\",\"x\",\"y\",\"heading\",\"speed\",\"acceleration\",\"curvature\","
+          "\"jerk\"],\"points\":[", out);
+    for (uint32_t i = 0; i < vehicle->point_count; i++) {
+        const verge_point* p = &vehicle->points[i];
+        const double row[] = { p->t, p->x, p->y, p->heading, p->speed, p->acceleration,
+                               p->curvature, p->jerk };
+        fprintf(out, "%s%s", i == 0 ? "" : ",", line);
+        row_write(out, row, 8);
+    }
+    fprintf(out, "]},%s\"cost\":", line);
+    cost_write(out, &vehicle->cost);
+    fputc('}', out);
+}
+
+static void status_write(FILE* out, const verge_vehicle_plan* vehicle)
+{
+    if (vehicle->status == VERGE_PLANNED) {
+        fputs("\"status\":\"planned\"", out);
+        return;
+    }
+    fprintf(out, "\"status\":\"fallback\",\"fallback\":\"%s\",\"reason\":",
+            vehicle->status == VERGE_FALLBACK_BRAKE ? "brake" : "keep_lane");
+    string_write(out, verge_reason_text(vehicle->reason));
+}
+
+static void action_write(FILE* out, const verge_action_step* step)
+{
+    const struct { const char* name; double value; } fields[] = {
+        { "s", step->s }, { "d", step->d }, { "v", step->v },
+    };
+    fputs("{\"t0\":", out);
+    number_write(out, step->t0);
+    fputs(",\"t1\":", out);
+    number_write(out, step->t1);
+    fprintf(out, ",\"action\":\"%s\",\"lane\":%d", verge_action_name(step->action), step->lane_id);
+    for (uint32_t i = 0; i < 3; i++) {
+        fprintf(out, ",\"%s\":", fields[i].name);
+        number_write(out, fields[i].value);
+    }
+    fprintf(out, ",\"brake_light\":%s,\"turn_signal\":\"%s\",\"say\":",
+            step->brake_light ? "true" : "false", turn_signal_name(step->turn_signal));
+    char say[160];
+    verge_action_say(step, say, sizeof say);
+    string_write(out, say);
+    fputc('}', out);
+}
+
+static void cost_write(FILE* out, const verge_cost* cost)
+{
+    const struct { const char* name; double value; } terms[] = {
+        { "total", cost->total },   { "curvature", cost->curvature },
+        { "heading", cost->heading }, { "offset", cost->offset },
+        { "acceleration", cost->acceleration }, { "jerk", cost->jerk },
+        { "obstacle", cost->obstacle },
+    };
+    for (uint32_t i = 0; i < sizeof terms / sizeof terms[0]; i++) {
+        fprintf(out, "%s\"%s\":", i == 0 ? "{" : ",", terms[i].name);
+        number_write(out, terms[i].value);
+    }
+    fputc('}', out);
+}
+
+static void row_write(FILE* out, const double* values, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        fputc(i == 0 ? '[' : ',', out);
+        number_write(out, values[i]);
+    }
+    fputc(']', out);
+}

@@ -1,0 +1,23 @@
+/// The plan document, format "verge-plan/1": what verge-plan prints and a run file carries per
+/// planning cycle. `status` is "planned" or "fallback"; a fallback also has `fallback`
+/// ("keep_lane" or "brake") and `reason`, a sentence.
+#ifndef VERGE_APPS_PLAN_JSON_H
+#define VERGE_APPS_PLAN_JSON_H
+
+#include "verge/plan.h"
+
+#include <stdio.h>
+
+typedef enum plan_layout {
+    PLAN_ONE_LINE, ///< no newline at all, for JSON Lines
+    PLAN_READABLE, ///< a line per action and point, and a newline at the end
+} plan_layout;
+
+/// scenario: the document's name for it; dt: between trajectory points [s].
+void plan_write(FILE* out, const verge_plan* plan, const char* scenario, double dt,
+                plan_layout layout);
+
+/// "right", "none" or "left".
+const char* turn_signal_name(int32_t turn_signal);
+
+#endif

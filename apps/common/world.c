@@ -1,0 +1,236 @@
+/// See world.h.
+#include "world.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicle* as_human);
+static bool plan_drive(world_vehicle* vehicle, double time);
+static void point_drive(world_vehicle* vehicle, const verge_point* point);
+static verge_point point_between(const verge_point* a, const verge_point* b, double share);
+static void lane_keep(const world* self, world_vehicle* vehicle, double acceleration);
+static void vehicle_locate(const world* self, world_vehicle* vehicle);
+
+/// Instants closer than this are the same. [s]
+static const double INSTANT = 1e-6;
+/// A driver whose plan has run out slows down like this. [m/s^2]
+static const double GENTLE_BRAKING = -2.0;
+
+bool world_init(world* self, const scenario* scene)
+{
+    *self = (world){ .scene = scene, .road = verge_planner_road(scene->planner),
+                     .vehicle_count = scene->vehicle_count };
+    self->vehicles = calloc(scene->vehicle_count + 1, sizeof *self->vehicles);
+    if (self->vehicles == NULL) {
+        return false;
+    }
+    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+        world_vehicle* vehicle = &self->vehicles[i];
+        vehicle->origin = &scene->vehicles[i];
+        vehicle->state = vehicle->origin->start;
+        vehicle->lane = vehicle->lane_last = VERGE_NO_LANE;
+        vehicle->present = vehicle->origin->track_count == 0 ||
+                           scenario_track_at(vehicle->origin, 0.0, &vehicle->state);
+        vehicle_locate(self, vehicle);
+    }
+    return true;
+}
+
+void world_free(world* self)
+{
+    free(self->vehicles);
+    *self = (world){ 0 };
+}
+
+double world_time(const world* self)
+{
+    return (double)self->tick / WORLD_TICKS_PER_SECOND;
+}
+
+int64_t world_utime(const world* self)
+{
+    return (int64_t)self->tick * (1000000 / WORLD_TICKS_PER_SECOND);
+}
+
+uint32_t world_states(const world* self, verge_vehicle states[VERGE_VEHICLES_MAX])
+{
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < self->vehicle_count && count < VERGE_VEHICLES_MAX; i++) {
+        if (self->vehicles[i].present) {
+            states[count++] = self->vehicles[i].state;
+        }
+    }
+    return count;
+}
+
+void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
+{
+    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+        world_vehicle* vehicle = &self->vehicles[i];
+        if (vehicle->state.id == plan->vehicle_id && vehicle->state.controlled &&
+            vehicle->present) {
+            vehicle->plan = *plan;
+            vehicle->plan_time = plan_time;
+            vehicle->planned = true;
+        }
+    }
+}
+
+void world_advance(world* self)
+{
+    verge_vehicle  states[VERGE_VEHICLES_MAX];
+    const uint32_t count = world_states(self, states);
+    verge_planner_advance_humans(self->scene->planner, states, count, WORLD_DT);
+    self->tick++;
+
+    uint32_t next = 0;
+    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+        world_vehicle* vehicle = &self->vehicles[i];
+        if (vehicle->present) {
+            vehicle_move(self, vehicle, &states[next++]);
+        } else if (!vehicle->left && vehicle->origin->track_count > 0) {
+            vehicle->present =
+                scenario_track_at(vehicle->origin, world_time(self), &vehicle->state);
+        }
+        vehicle_locate(self, vehicle);
+    }
+}
+
+const verge_action_step* world_action(const world* self, const world_vehicle* vehicle)
+{
+    const double t = world_time(self) - vehicle->plan_time;
+    if (!vehicle->planned || vehicle->plan.status == VERGE_CANCELLED) {
+        return NULL;
+    }
+    for (uint32_t i = 0; i < vehicle->plan.action_count; i++) {
+        if (t < vehicle->plan.actions[i].t1 - INSTANT) {
+            return &vehicle->plan.actions[i];
+        }
+    }
+    return NULL;
+}
+
+/// as_human: where the car-following model takes it.
+static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicle* as_human)
+{
+    const double now = world_time(self);
+    vehicle->curvature = vehicle->jerk = 0.0;
+    if (vehicle->origin->track_count > 0) {
+        vehicle->present = scenario_track_at(vehicle->origin, now, &vehicle->state);
+        vehicle->left = !vehicle->present;
+    } else if (!vehicle->state.controlled) {
+        vehicle->state = *as_human;
+    } else if (!vehicle->planned) {
+        lane_keep(self, vehicle, 0.0);
+    } else if (vehicle->plan.status == VERGE_CANCELLED || !plan_drive(vehicle, now)) {
+        lane_keep(self, vehicle, GENTLE_BRAKING);
+    }
+}
+
+/// False: the plan has run out.
+static bool plan_drive(world_vehicle* vehicle, double time)
+{
+    const verge_vehicle_plan* plan = &vehicle->plan;
+    const double              t = fmax(time - vehicle->plan_time, 0.0);
+    if (plan->point_count == 0 || t > plan->points[plan->point_count - 1].t + INSTANT) {
+        return false;
+    }
+    uint32_t index = 0;
+    while (index + 1 < plan->point_count && plan->points[index + 1].t <= t + INSTANT) {
+        index++;
+    }
+    const verge_point* at = &plan->points[index];
+    if (t - at->t <= INSTANT || index + 1 == plan->point_count) {
+        point_drive(vehicle, at);
+    } else {
+        const double      share = (t - at->t) / (at[1].t - at->t);
+        const verge_point between = point_between(at, &at[1], share);
+        point_drive(vehicle, &between);
+    }
+    return true;
+}
+
+static void point_drive(world_vehicle* vehicle, const verge_point* point)
+{
+    vehicle->state.x = point->x;
+    vehicle->state.y = point->y;
+    vehicle->state.heading = point->heading;
+    vehicle->state.speed = point->speed;
+    vehicle->state.acceleration = point->acceleration;
+    vehicle->state.yaw_rate = point->curvature * point->speed;
+    vehicle->curvature = point->curvature;
+    vehicle->jerk = point->jerk;
+}
+
+static verge_point point_between(const verge_point* a, const verge_point* b, double share)
+{
+    static const double pi = 3.14159265358979323846;
+    double turn = b->heading - a->heading;
+    turn += turn > pi ? -2.0 * pi : turn <= -pi ? 2.0 * pi : 0.0;
+    double heading = a->heading + share * turn;
+    heading += heading > pi ? -2.0 * pi : heading <= -pi ? 2.0 * pi : 0.0;
+    return (verge_point){
+        .t = a->t + share * (b->t - a->t),
+        .x = a->x + share * (b->x - a->x),
+        .y = a->y + share * (b->y - a->y),
+        .heading = heading,
+        .speed = a->speed + share * (b->speed - a->speed),
+        .acceleration = a->acceleration + share * (b->acceleration - a->acceleration),
+        .curvature = a->curvature + share * (b->curvature - a->curvature),
+        .jerk = a->jerk,
+    };
+}
+
+/// A driver without a plan: along the lane at its offset, or straight on where there is no lane.
+static void lane_keep(const world* self, world_vehicle* vehicle, double acceleration)
+{
+    verge_vehicle* state = &vehicle->state;
+    const double   speed = fmax(state->speed + acceleration * WORLD_DT, 0.0);
+    const double   way = 0.5 * (state->speed + speed) * WORLD_DT;
+    const verge_lane_position at =
+        verge_road_project(self->road, state->x, state->y, state->heading, vehicle->lane_last);
+    state->acceleration = speed > 0.0 ? acceleration : 0.0;
+    state->speed = speed;
+    state->yaw_rate = at.lane_id == VERGE_NO_LANE ? 0.0 : at.curvature * speed;
+    if (at.lane_id == VERGE_NO_LANE) {
+        state->x += way * cos(state->heading);
+        state->y += way * sin(state->heading);
+        return;
+    }
+    double        s = at.s + way;
+    int32_t       lane = at.lane_id;
+    const double  length = verge_road_length(self->road, lane);
+    const int32_t next = verge_road_next(self->road, lane, state->target_lane);
+    if (s > length && next != VERGE_NO_LANE) {
+        s -= length;
+        lane = next;
+    }
+    verge_road_at(self->road, lane, s, at.d, &state->x, &state->y, &state->heading);
+}
+
+/// Which lane it is on now, and whether it has driven off the end of the road.
+static void vehicle_locate(const world* self, world_vehicle* vehicle)
+{
+    const verge_vehicle* state = &vehicle->state;
+    vehicle->lane = VERGE_NO_LANE;
+    if (!vehicle->present) {
+        return;
+    }
+    const verge_lane_position at =
+        verge_road_project(self->road, state->x, state->y, state->heading, vehicle->lane_last);
+    if (at.lane_id != VERGE_NO_LANE && at.contained) {
+        vehicle->lane = vehicle->lane_last = at.lane_id;
+        return;
+    }
+    if (vehicle->lane_last == VERGE_NO_LANE) {
+        return;
+    }
+    const int32_t lane = vehicle->lane_last;
+    const double  s = verge_road_project_on(self->road, lane, state->x, state->y).s;
+    if (s >= verge_road_length(self->road, lane) - INSTANT &&
+        verge_road_next(self->road, lane, state->target_lane) == VERGE_NO_LANE) {
+        vehicle->present = false;
+        vehicle->left = true;
+    }
+}

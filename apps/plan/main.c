@@ -1,0 +1,72 @@
+/// verge-plan: one planning cycle from a scenario's initial state, printed as the plan document.
+#include "common/options.h"
+#include "common/plan_json.h"
+#include "common/world.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+static int run(const scenario* scene);
+
+int main(int argc, char** argv)
+{
+    const char* seed_text = NULL;
+    bool        no_timing = false;
+    const option_entry options[] = {
+        { "--seed", "N", "plans with this seed instead of the scenario's", &seed_text, NULL },
+        { "--no-timing", NULL, "accepted for uniformity: a plan document has no timing", NULL,
+          &no_timing },
+    };
+    const program self = {
+        .name = "verge-plan",
+        .argument = "SCENARIO.json",
+        .text = "Decides jointly for the scenario's controlled vehicles, plans a trajectory for\n"
+                "each and prints the plan document (format verge-plan/1) on standard output.",
+        .options = options,
+        .option_count = sizeof options / sizeof options[0],
+        .usage_status = 2,
+    };
+    const char* path = NULL;
+    int         status = 0;
+    uint64_t    seed = 0;
+    bool        seeded = false;
+    if (!options_parse(&self, argc, argv, &path, &status)) {
+        return status;
+    }
+    if (!options_u64(&self, "--seed", seed_text, &seed, &seeded)) {
+        return 2;
+    }
+    scenario scene;
+    if (!scenario_load(&scene, path, seeded ? &seed : NULL)) {
+        fputs(scene.file.error, stderr);
+        return 2;
+    }
+    status = run(&scene);
+    scenario_free(&scene);
+    return status;
+}
+
+static int run(const scenario* scene)
+{
+    static verge_plan    plan;
+    static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
+    world start;
+    if (!world_init(&start, scene)) {
+        fputs("verge-plan:memory: there is not enough of it\n", stderr);
+        return 1;
+    }
+    const uint32_t count = world_states(&start, vehicles);
+    world_free(&start);
+    const verge_status planned = verge_planner_step(scene->planner, 0, vehicles, count, &plan);
+    if (planned != VERGE_OK) {
+        fprintf(stderr, "verge-plan:step: %s\n", verge_status_text(planned));
+        return 1;
+    }
+    plan_write(stdout, &plan, scene->name, scene->def.point_s, PLAN_READABLE);
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        fprintf(stderr, "verge-plan:standard output: %s\n", strerror(errno));
+        return 1;
+    }
+    return 0;
+}

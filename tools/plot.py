@@ -20,6 +20,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
 FIGURE_WIDTH = 13.0     # [in]
@@ -49,7 +50,7 @@ class Track:
         self.controlled = info["control"] == "controlled"
         self.length, self.width = info["length"], info["width"]
         self.color = HUMAN
-        self.rows, self.signs = [], []
+        self.rows, self.signs, self.fallbacks = [], [], []
 
     def finish(self, frame):
         """After the last tick: columns of numbers, in the frame of the picture."""
@@ -103,6 +104,9 @@ class Run:
                 track = self.tracks[row[0]]
                 track.rows.append([line["t"], *row[1:5]])
                 track.signs.append((row[7], row[8], row[9]))
+            for plan in line.get("plan", {}).get("vehicles", []):
+                if plan["status"] == "fallback" and plan["id"] in self.tracks:
+                    self.tracks[plan["id"]].fallbacks.append(line["t"])
         self.tracks = {i: t for i, t in sorted(self.tracks.items()) if t.rows}
         if not self.tracks:
             sys.exit(f"{path}: no vehicle moves in this run")
@@ -172,7 +176,7 @@ def view_of(run):
 def rows_of(view):
     """A long strip is cut into rows; each shows a little of the one before."""
     x0, x1, y0, y1 = view
-    count = min(4, max(1, round((x1 - x0) / (y1 - y0) / 5.5)))
+    count = min(4, max(1, round((x1 - x0) / (y1 - y0) / 4.8)))
     length = (x1 - x0) / count
     return [(x0 + i * length - (3.0 if i else 0.0), x0 + (i + 1) * length, y0, y1)
             for i in range(count)]
@@ -262,8 +266,8 @@ def mark_ticks(track):
 
 
 def draw_vehicle(axes, track, t_end, scale):
-    style = dict(linewidth=2.0, zorder=5) if track.controlled else dict(linewidth=1.1, zorder=3)
-    axes.plot(*track.xy.T, color=track.color, alpha=0.9, solid_capstyle="round", **style)
+    style = dict(linewidth=2.0, zorder=5) if track.controlled else dict(linewidth=0.9, zorder=3)
+    axes.plot(*track.xy.T, color=track.color, alpha=0.9 if track.controlled else 0.55, solid_capstyle="round", **style)
     for index in mark_ticks(track):
         fade = 0.35 + 0.55 * track.t[index] / max(t_end, 1e-9)
         if not track.controlled:
@@ -274,10 +278,12 @@ def draw_vehicle(axes, track, t_end, scale):
 
 def draw_start(axes, track, scale):
     """The vehicle's number, in a disc on its first body."""
-    radius = max(1.35, 0.105 / scale)
+    weight = 1.0 if track.controlled else 0.85
+    radius = weight * max(1.35, 0.105 / scale)
+    fontsize = weight * (8.5 if len(str(track.id)) < 3 else 6.5)
     axes.add_patch(Circle(track.xy[0], radius, facecolor="white", zorder=9,
                           edgecolor=track.color if track.controlled else HUMAN, linewidth=1.6))
-    axes.text(*track.xy[0], str(track.id), ha="center", va="center_baseline", fontsize=8.5,
+    axes.text(*track.xy[0], str(track.id), ha="center", va="center_baseline", fontsize=fontsize,
               fontweight="bold", color=track.color if track.controlled else "#4A4A50", zorder=10,
               clip_on=True)
 
@@ -404,6 +410,8 @@ def draw_strips(axes, run):
             if (t1 - t0) / run.t_end > 0.026 + 0.004 * len(word):
                 axes.text(0.5 * (t0 + t1), row, word, ha="center", va="center_baseline",
                           fontsize=7.5, color="#303036")
+        axes.plot(track.fallbacks, [row - 0.4] * len(track.fallbacks), linestyle="none",
+                  marker="v", markersize=5, color="#B00020", clip_on=False, zorder=4)
     axes.set(yticks=range(len(run.controlled)), xlabel="time [s]",
              yticklabels=[str(t.id) for t in run.controlled],
              ylim=(len(run.controlled) - 0.5, -0.5), ylabel="vehicle")
@@ -414,6 +422,9 @@ def draw_strips(axes, run):
     used = {word for t in run.controlled for _, _, word in t.segments()}
     handles = [Patch(color=ACTION_COLORS[w], label=f"{w}  {ACTION_NAMES[w]}")
                for w in ACTION_COLORS if w in used]
+    if any(t.fallbacks for t in run.controlled):
+        handles.append(Line2D([], [], linestyle="none", marker="v", markersize=5, color="#B00020",
+                              label="fallback planned"))
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.008, 1.04), frameon=False,
                 fontsize=8, handlelength=1.0, handleheight=1.0, borderaxespad=0.0)
 

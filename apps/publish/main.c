@@ -1,0 +1,398 @@
+/// verge-publish: stands in for the vehicles of a scenario. Publishes their states ten times a
+/// second in real time, and drives each controlled vehicle along the newest valid plan that comes
+/// back for it, as a vehicle would. A vehicle that hears nothing keeps to its lane (world.h).
+#define _GNU_SOURCE
+#include "common/number.h"
+#include "common/options.h"
+#include "common/output.h"
+#include "common/run.h"
+
+#include "verge/wire.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum {
+    EXIT_UNAVAILABLE = 69, // contract: no bus
+    TICK_US = 1000000 / WORLD_TICKS_PER_SECOND,
+    DRAIN_BATCH = 32,
+};
+
+typedef struct arguments {
+    const char* path;
+    const char* bus;
+    const char* out;
+    const char* duration_text;
+    const char* seed_text;
+    bool        quiet;
+    double      duration; // [s] NaN: the scenario's
+    uint64_t    seed;
+    bool        seeded;
+} arguments;
+
+/// What a vehicle knows of the plan it drives.
+typedef struct follower {
+    int32_t cycle;  // -1: none yet
+    int64_t utime;  // [us] of the newest plan
+} follower;
+
+typedef struct publisher {
+    const scenario* scene;
+    world           world;
+    metrics         metrics;
+    transport*      bus;
+    FILE*           run;        // null: not recorded
+    bool            quiet;
+    int64_t         start;      // [us] wall clock at the world's t = 0
+    int32_t         sequence;
+    uint64_t        refused;    // plans that made no sense
+    follower        followers[VERGE_VEHICLES_MAX]; // in the world's order
+    int32_t         gathered_cycle;
+    verge_plan      gathered;   // the plans of one cycle, as they come
+} publisher;
+
+static int  read_arguments(arguments* args, int argc, char** argv);
+static int  run(publisher* self, const arguments* args);
+static bool publish(publisher* self, double duration);
+
+int main(int argc, char** argv)
+{
+    static publisher self; // large: a whole plan
+    arguments args;
+    const int status = read_arguments(&args, argc, argv);
+    if (status != 0 || args.path == NULL) {
+        return status;
+    }
+    scenario scene;
+    if (!scenario_load(&scene, args.path, args.seeded ? &args.seed : NULL)) {
+        fputs(scene.file.error, stderr);
+        return 2;
+    }
+    self.scene = &scene;
+    const int code = run(&self, &args);
+    scenario_free(&scene);
+    return code;
+}
+
+/// 0 without a path: help or version was asked for.
+static int read_arguments(arguments* args, int argc, char** argv)
+{
+    memset(args, 0, sizeof *args);
+    args->duration = NAN;
+    const option_entry table[] = {
+        { "--bus", "URL", "the bus, such as lcm:udpm://239.255.76.67:7667?ttl=0", &args->bus, NULL },
+        { "--out", "RUN.jsonl", "writes the run (format verge-run/1) to this file", &args->out,
+          NULL },
+        { "--duration", "S", "ends after so many seconds instead of the scenario's",
+          &args->duration_text, NULL },
+        { "--seed", "N", "replaces the scenario's seed", &args->seed_text, NULL },
+        { "--quiet", NULL, "does not print the plans as they come", NULL, &args->quiet },
+    };
+    const program self = {
+        .name = "verge-publish",
+        .argument = "SCENARIO.json",
+        .text = "Publishes the scenario's vehicles as live states, applies the plans that come\n"
+                "back, prints both plans and metrics.",
+        .options = table,
+        .option_count = sizeof table / sizeof table[0],
+        .usage_status = 2,
+    };
+    int status = 0;
+    if (!options_parse(&self, argc, argv, &args->path, &status)) {
+        args->path = NULL;
+        return status;
+    }
+    if (args->bus == NULL) {
+        fputs("verge-publish:--bus: missing, expected a bus URL\n", stderr);
+        return 2;
+    }
+    if (args->duration_text != NULL) {
+        char* end = NULL;
+        args->duration = strtod(args->duration_text, &end);
+        if (*end != '\0' || !(args->duration >= 0.1 && args->duration <= 86400.0)) {
+            fputs("verge-publish:--duration: is no duration, expected 0.1 to 86400 [s]\n", stderr);
+            return 2;
+        }
+    }
+    return options_u64(&self, "--seed", args->seed_text, &args->seed, &args->seeded) ? 0 : 2;
+}
+
+static bool print_metrics(const publisher* self);
+
+static int run(publisher* self, const arguments* args)
+{
+    static output file; // static: 8 KiB of paths
+    char error[256];
+    self->quiet = args->quiet;
+    const int opened = transport_open(&self->bus, args->bus, TRANSPORT_PLANS, error, sizeof error);
+    if (opened != TRANSPORT_OK) {
+        fprintf(stderr, "verge-publish:--bus: %s\n", error);
+        return opened == TRANSPORT_UNAVAILABLE ? EXIT_UNAVAILABLE : 2;
+    }
+    output_guard_signals();
+    if (args->out != NULL && !output_open(&file, args->out)) {
+        fprintf(stderr, "%s:file: cannot be written (%s)\n", args->out, strerror(errno));
+        transport_close(self->bus);
+        return 2;
+    }
+    self->run = file.stream;
+    const double duration = isnan(args->duration) ? self->scene->duration : args->duration;
+    bool good = world_init(&self->world, self->scene) && metrics_init(&self->metrics, &self->world);
+    good = good && publish(self, duration);
+    if (good && args->out != NULL && !output_close(&file)) {
+        fprintf(stderr, "%s:file: cannot be written (%s)\n", args->out, strerror(errno));
+        good = false;
+    }
+    good = good && print_metrics(self);
+    output_abandon(&file);
+    metrics_free(&self->metrics);
+    world_free(&self->world);
+    transport_close(self->bus);
+    return good ? 0 : 1;
+}
+
+// ---- in real time -------------------------------------------------------------------------
+
+static void publish_states(publisher* self);
+static void follow_plans(publisher* self, int64_t until);
+static void gather_end(publisher* self);
+
+static int64_t clock_us(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
+}
+
+static bool publish(publisher* self, double duration)
+{
+    const uint32_t end = (uint32_t)lround(duration * WORLD_TICKS_PER_SECOND);
+    for (uint32_t i = 0; i < VERGE_VEHICLES_MAX; i++) {
+        self->followers[i] = (follower){ .cycle = -1, .utime = INT64_MIN };
+    }
+    self->gathered_cycle = -1;
+    if (self->run != NULL) {
+        run_write_head(self->run, self->scene);
+    }
+    // Ticks are kept on the clock that never steps; what is on the wire is wall clock.
+    const int64_t begun = clock_us(CLOCK_MONOTONIC);
+    self->start = clock_us(CLOCK_REALTIME);
+    for (;;) {
+        publish_states(self);
+        metrics_tick(&self->metrics, &self->world);
+        if (self->run != NULL) {
+            run_write_tick(self->run, &self->world);
+        }
+        if (self->world.tick >= end) {
+            break;
+        }
+        follow_plans(self, begun + ((int64_t)self->world.tick + 1) * TICK_US);
+        world_advance(&self->world);
+    }
+    gather_end(self);
+    if (self->run != NULL) {
+        run_write_metrics(self->run, &self->metrics, false);
+    }
+    return true;
+}
+
+/// The standard habit that has this vehicle's cooperation; normal where none has.
+static verge_habit_kind habit_kind_of(const verge_vehicle* vehicle)
+{
+    for (int kind = VERGE_AGGRESSIVE; kind <= VERGE_CONSERVATIVE; kind++) {
+        const double cooperation = verge_habit_of((verge_habit_kind)kind).cooperation;
+        if (fabs(cooperation - vehicle->habit.cooperation) < 1e-9) {
+            return (verge_habit_kind)kind;
+        }
+    }
+    return VERGE_NORMAL;
+}
+
+static void publish_states(publisher* self)
+{
+    const int64_t utime = self->start + world_utime(&self->world);
+    self->sequence++;
+    for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
+        const world_vehicle* vehicle = &self->world.vehicles[i];
+        if (!vehicle->present) {
+            continue;
+        }
+        const verge_vehicle_state_t state =
+            wire_state_from_vehicle(&vehicle->state, habit_kind_of(&vehicle->state), utime,
+                                    self->sequence, self->followers[i].cycle);
+        transport_publish_state(self->bus, &state);
+    }
+}
+
+static void on_plan(publisher* self, const verge_vehicle_plan_t* message);
+
+/// Takes in plans until the next tick is due.
+static void follow_plans(publisher* self, int64_t until)
+{
+    static transport_message batch[DRAIN_BATCH];
+    for (;;) {
+        const int64_t left = until - clock_us(CLOCK_MONOTONIC);
+        if (left <= 0) {
+            return;
+        }
+        struct pollfd bus = { .fd = transport_fd(self->bus), .events = POLLIN };
+        const struct timespec wait = { .tv_nsec = (long)(left * 1000) };
+        if (ppoll(&bus, 1, &wait, NULL) <= 0) {
+            continue;
+        }
+        const uint32_t count = transport_drain(self->bus, batch, DRAIN_BATCH);
+        for (uint32_t i = 0; i < count; i++) {
+            if (batch[i].kind == TRANSPORT_PLAN) {
+                on_plan(self, &batch[i].as.plan);
+            }
+        }
+    }
+}
+
+// ---- plans --------------------------------------------------------------------------------
+
+static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message);
+static void gather(publisher* self, const verge_vehicle_plan_t* message,
+                   const verge_vehicle_plan* plan);
+static void print_plan(const publisher* self, const verge_vehicle_plan_t* message,
+                       const verge_vehicle_plan* plan);
+
+/// A vehicle takes a plan that makes sense, is its own and is no older than the one it has.
+static void on_plan(publisher* self, const verge_vehicle_plan_t* message)
+{
+    const char* fault = wire_plan_check(message);
+    if (fault != NULL) {
+        self->refused++;
+        fprintf(stderr, "verge-publish: a plan was refused for its %s\n", fault);
+        return;
+    }
+    for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
+        const world_vehicle* vehicle = &self->world.vehicles[i];
+        follower* follower = &self->followers[i];
+        if (vehicle->state.id != message->vehicle_id || !vehicle->present ||
+            !vehicle->state.controlled || message->utime < follower->utime) {
+            continue;
+        }
+        follower->utime = message->utime;
+        follower->cycle = message->status == VERGE_CANCELLED ? -1 : message->cycle;
+        const verge_vehicle_plan plan = plan_of(message);
+        world_follow(&self->world, &plan, (double)(message->utime - self->start) * 1e-6);
+        gather(self, message, &plan);
+        if (!self->quiet) {
+            print_plan(self, message, &plan);
+        }
+    }
+}
+
+/// The message in the planner's own words. What the wire leaves out is unknown (NaN).
+static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message)
+{
+    verge_vehicle_plan plan;
+    memset(&plan, 0, sizeof plan);
+    plan.vehicle_id = message->vehicle_id;
+    plan.status = (verge_plan_status)message->status;
+    plan.reason = (verge_reason)message->reason;
+    plan.action_count = (uint32_t)message->action_count;
+    for (uint32_t i = 0; i < plan.action_count; i++) {
+        const verge_plan_action_t* from = &message->actions[i];
+        plan.actions[i] = (verge_action_step){
+            .action = (verge_action)from->action,
+            .lane_id = from->lane,
+            .t0 = from->t0_ms * 1e-3,
+            .t1 = from->t1_ms * 1e-3,
+            .s = NAN,
+            .d = NAN,
+            .v = (double)from->speed,
+            .brake_light = from->brake_light != 0,
+            .turn_signal = from->turn_signal,
+            .ahead_id = -1,
+            .behind_id = -1,
+        };
+    }
+    plan.point_count = wire_points_from_plan(message, plan.points);
+    plan.cost = (verge_cost){ NAN, NAN, NAN, NAN, NAN, NAN, NAN };
+    return plan;
+}
+
+/// Puts the plans of one cycle together again, for the run file and the metrics.
+static void gather(publisher* self, const verge_vehicle_plan_t* message,
+                   const verge_vehicle_plan* plan)
+{
+    if (message->cycle != self->gathered_cycle) {
+        gather_end(self);
+        self->gathered_cycle = message->cycle;
+        self->gathered.utime = message->utime;
+        self->gathered.digest = (uint64_t)message->digest;
+    }
+    if (plan->status == VERGE_CANCELLED || self->gathered.vehicle_count >= VERGE_CONTROLLED_MAX) {
+        return;
+    }
+    self->gathered.fallback_count += plan->status != VERGE_PLANNED ? 1 : 0;
+    self->gathered.vehicles[self->gathered.vehicle_count++] = *plan;
+    if (self->gathered.vehicle_count == (uint32_t)message->plans_in_cycle) {
+        gather_end(self);
+    }
+}
+
+static void gather_end(publisher* self)
+{
+    if (self->gathered.vehicle_count > 0) {
+        metrics_cycle(&self->metrics, &self->gathered, -1.0);
+        if (self->run != NULL) {
+            run_write_plan(self->run, &self->world, &self->gathered);
+        }
+    }
+    memset(&self->gathered, 0, sizeof self->gathered);
+    self->gathered_cycle = -1;
+}
+
+// ---- words --------------------------------------------------------------------------------
+
+static const char* status_word(int32_t status)
+{
+    static const char* const WORDS[] = { "planned", "keeps lane", "brakes", "cancelled" };
+    return WORDS[status];
+}
+
+/// One line: who, which cycle, what it does from here on, where that leads.
+static void print_plan(const publisher* self, const verge_vehicle_plan_t* message,
+                       const verge_vehicle_plan* plan)
+{
+    printf("%6.1f s  vehicle %-3d cycle %-4d %-10s", world_time(&self->world), plan->vehicle_id,
+           message->cycle, status_word(message->status));
+    for (uint32_t i = 0; i < plan->action_count; i++) {
+        printf(" %s", verge_action_name(plan->actions[i].action));
+    }
+    if (plan->action_count > 0) {
+        char say[160];
+        verge_action_say(&plan->actions[0], say, sizeof say);
+        const verge_action_step* last = &plan->actions[plan->action_count - 1];
+        printf("  (%s; lane %d, %.1f m/s in %.1f s)", say, last->lane_id, last->v, last->t1);
+    }
+    if (plan->status != VERGE_PLANNED && plan->reason != VERGE_REASON_NONE) {
+        printf("  %s", verge_reason_text(plan->reason));
+    }
+    printf("\n");
+    fflush(stdout);
+}
+
+static bool print_metrics(const publisher* self)
+{
+    fputs("{\"scenario\":", stdout);
+    string_write(stdout, self->scene->name);
+    fputs(",\"seed\":", stdout);
+    number_write_u64(stdout, self->scene->def.seed);
+    fputs(",\n\"metrics\":", stdout);
+    metrics_write(stdout, &self->metrics, false, "\n");
+    fputs("}\n", stdout);
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        fprintf(stderr, "verge-publish:standard output: %s\n", strerror(errno));
+        return false;
+    }
+    return true;
+}

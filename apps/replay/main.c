@@ -1,0 +1,268 @@
+/// verge-replay: plans a recording once more and names the first cycle whose digest differs.
+///
+/// A run file of verge-sim holds its whole scenario, so it needs nothing else. A log of
+/// `verge-rsu --record` needs the configuration it was recorded with. Exit 0: every digest is
+/// the same; 1: one differs; 2: the recording or the command line is not usable.
+#define _GNU_SOURCE
+#include "common/options.h"
+#include "common/world.h"
+#include "rsu/replay.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int  replay_run_file(const char* path, FILE* file);
+static int  replay_log(const char* path, const char* config_path);
+
+int main(int argc, char** argv)
+{
+    const char* config_path = NULL;
+    const option_entry table[] = {
+        { "--config", "RSU.json", "for a log: the configuration it was recorded with",
+          &config_path, NULL },
+    };
+    const program self = {
+        .name = "verge-replay",
+        .argument = "RUN-or-LOG",
+        .text = "Plans a recording again and names the first cycle whose digest differs.",
+        .options = table,
+        .option_count = sizeof table / sizeof table[0],
+        .usage_status = 2,
+    };
+    const char* path = NULL;
+    int status = 0;
+    if (!options_parse(&self, argc, argv, &path, &status)) {
+        return status;
+    }
+    FILE* file = fopen(path, "rb");
+    if (file == NULL) {
+        fprintf(stderr, "%s:file: cannot be read, expected a run file or an LCM event log\n", path);
+        return 2;
+    }
+    // An LCM event log begins with its sync word, a run file with the brace of a JSON object.
+    const int first = getc(file);
+    rewind(file);
+    status = first == '{' ? replay_run_file(path, file) : replay_log(path, config_path);
+    fclose(file);
+    return fflush(stdout) == 0 ? status : 1;
+}
+
+static void tell_equal(const char* path, uint64_t cycles)
+{
+    printf("%s: %" PRIu64 " cycles, every digest is the same\n", path, cycles);
+}
+
+static void tell_different(const char* path, int64_t cycle, const char* when, uint64_t recorded,
+                           uint64_t replayed)
+{
+    printf("%s: cycle %" PRId64 " (%s) is the first that differs: recorded %016" PRIx64
+           ", replayed %016" PRIx64 "\n",
+           path, cycle, when, recorded, replayed);
+}
+
+// ---- a log --------------------------------------------------------------------------------
+
+static int replay_log(const char* path, const char* config_path)
+{
+    char error[CONFIG_ERROR_SIZE];
+    if (config_path == NULL) {
+        fprintf(stderr, "verge-replay:--config: missing, expected the daemon's configuration "
+                        "beside an LCM event log\n");
+        return 2;
+    }
+    config* config = NULL;
+    replay_report report;
+    const replay_options options = { .log_path = path };
+    int code = config_load(&config, config_path, error);
+    if (code == 0) {
+        code = replay_run(&options, config, &report, error);
+    }
+    config_free(config);
+    if (code != 0) {
+        error[strcspn(error, "\n")] = '\0';
+        fprintf(stderr, "%s\n", error);
+        return 2;
+    }
+    if (report.compared == 0 && !report.differs) {
+        fprintf(stderr, "%s:file: holds no plans to compare with, expected a log of verge-rsu "
+                        "--record\n", path);
+        return 2;
+    }
+    if (report.differs) {
+        char when[64];
+        snprintf(when, sizeof when, "utime %" PRId64 "%s", report.differs_utime,
+                 report.count_differs ? ", other vehicles planned" : "");
+        tell_different(path, report.differs_cycle, when, report.recorded_digest,
+                       report.replayed_digest);
+        return 1;
+    }
+    tell_equal(path, report.compared);
+    return 0;
+}
+
+// ---- a run file ---------------------------------------------------------------------------
+
+/// The planning cycles a run file holds, in order.
+typedef struct recording {
+    scenario  scene;
+    uint64_t* digests;
+    uint32_t  count, capacity;
+    bool      complete;   // the last line has the metrics
+} recording;
+
+static bool read_recording(recording* self, const char* path, FILE* file);
+static int  compare(const char* path, const recording* self, world* world);
+
+static int replay_run_file(const char* path, FILE* file)
+{
+    static recording self; // static: it is large
+    int code = 2;
+    if (read_recording(&self, path, file)) {
+        world world;
+        if (world_init(&world, &self.scene)) {
+            code = compare(path, &self, &world);
+            world_free(&world);
+        } else {
+            fprintf(stderr, "%s:file: there is not enough memory\n", path);
+        }
+        scenario_free(&self.scene);
+    }
+    free(self.digests);
+    return code;
+}
+
+static bool read_head(recording* self, const char* path, json_file* line);
+static bool read_line(recording* self, const char* path, json_file* line);
+
+static bool read_recording(recording* self, const char* path, FILE* file)
+{
+    char*   text = NULL;
+    size_t  room = 0;
+    ssize_t size = 0;
+    bool    good = true;
+    bool    headed = false;
+    for (uint32_t number = 1; good && (size = getline(&text, &room, file)) > 0; number++) {
+        char name[4200];
+        snprintf(name, sizeof name, "%s:%u", path, number);
+        json_file line;
+        good = json_file_parse(&line, name, text, (size_t)size);
+        if (good && number == 1) {
+            headed = good = read_head(self, name, &line);
+        } else if (good) {
+            good = read_line(self, name, &line);
+        }
+        if (!good && line.error[0] != '\0') {
+            fputs(line.error, stderr);
+        }
+        json_file_free(&line);
+    }
+    free(text);
+    if (good && self->count == 0) {
+        fprintf(stderr, "%s:file: holds no plan, expected a run of verge-sim --out\n", path);
+        good = false;
+    }
+    if (!good && headed) {
+        scenario_free(&self->scene);
+    }
+    return good;
+}
+
+/// The first line: builds the scenario of the run.
+static bool read_head(recording* self, const char* path, json_file* line)
+{
+    const json_at root = json_root(line);
+    const json_at format = json_member(&root, "format");
+    const json_at scene = json_member(&root, "scenario");
+    if (strcmp(json_string(&root, "format"), "verge-run/1") != 0) {
+        return json_fail(&format, "is not \"verge-run/1\", expected a run of verge-sim --out");
+    }
+    if (!json_given(&scene)) {
+        return json_fail(&scene, "is missing, expected the scenario of the run");
+    }
+    char* text = cJSON_PrintUnformatted(scene.node);
+    const bool built =
+        text != NULL && scenario_parse(&self->scene, path, text, strlen(text), NULL);
+    if (text == NULL) {
+        fprintf(stderr, "%s: there is not enough memory\n", path);
+    } else if (!built) {
+        fputs(self->scene.file.error, stderr);
+    }
+    free(text);
+    return built;
+}
+
+static bool keep_digest(recording* self, uint64_t digest)
+{
+    if (self->count == self->capacity) {
+        const uint32_t capacity = self->capacity == 0 ? 64 : 2 * self->capacity;
+        uint64_t* digests = realloc(self->digests, capacity * sizeof *digests);
+        if (digests == NULL) {
+            return false;
+        }
+        self->digests = digests;
+        self->capacity = capacity;
+    }
+    self->digests[self->count++] = digest;
+    return true;
+}
+
+/// Any other line: of interest where it has a plan, or the metrics that end the run.
+static bool read_line(recording* self, const char* path, json_file* line)
+{
+    (void)path;
+    const json_at root = json_root(line);
+    const json_at plan = json_member(&root, "plan");
+    const json_at metrics = json_member(&root, "metrics");
+    self->complete = self->complete || json_given(&metrics);
+    if (!json_given(&plan)) {
+        return true;
+    }
+    const char* text = json_string(&plan, "digest");
+    char* end = NULL;
+    const uint64_t digest = strtoull(text, &end, 16);
+    if (strlen(text) != 16 || *end != '\0') {
+        const json_at at = json_member(&plan, "digest");
+        return json_fail(&at, "is no digest, expected 16 hex digits");
+    }
+    return keep_digest(self, digest) || json_fail(&plan, "there is not enough memory");
+}
+
+/// The closed loop of verge-sim once more; every cycle beside the recorded one.
+static int compare(const char* path, const recording* self, world* world)
+{
+    static verge_plan plan;
+    static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
+    const uint32_t end = (uint32_t)lround(self->scene.duration * WORLD_TICKS_PER_SECOND);
+    const uint32_t cycle = (uint32_t)lround(self->scene.replan * WORLD_TICKS_PER_SECOND);
+    uint32_t number = 0;
+    char when[64];
+    for (; world->tick < end; world_advance(world)) {
+        if (world->tick % cycle != 0) {
+            continue;
+        }
+        snprintf(when, sizeof when, "t = %.1f s", world_time(world));
+        const uint32_t count = world_states(world, vehicles);
+        const verge_status status = verge_planner_step(
+            self->scene.planner, world_utime(world), vehicles, count, &plan);
+        if (number == self->count && !self->complete) {
+            break; // the run was cut short: what is there has been compared
+        }
+        const uint64_t recorded = number < self->count ? self->digests[number] : 0;
+        if (status != VERGE_OK || number == self->count || recorded != plan.digest) {
+            tell_different(path, number, when, recorded, status == VERGE_OK ? plan.digest : 0);
+            return 1;
+        }
+        number++;
+        for (uint32_t i = 0; i < plan.vehicle_count; i++) {
+            world_follow(world, &plan.vehicles[i], world_time(world));
+        }
+    }
+    if (number < self->count) {
+        tell_different(path, number, "after the end of the scenario", self->digests[number], 0);
+        return 1;
+    }
+    tell_equal(path, number);
+    return 0;
+}

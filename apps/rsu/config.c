@@ -1,0 +1,314 @@
+#include "config.h"
+
+#include "common/json.h"
+#include "common/number.h"
+#include "common/planner_json.h"
+#include "common/road_json.h"
+#include "verge/transport.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/// Room for the names of the freshness limits.
+enum { FRESHNESS_KEYS_MAX = 16 };
+
+static int  read_document(config* self, const json_at* root);
+static bool read_bus(config* self, const json_at* root);
+static int  read_road(config* self, const json_at* root, const char* path);
+static bool read_freshness(config* self, const json_at* root);
+static bool sum_up(config* self);
+
+int config_load(config** loaded, const char* path, char error[CONFIG_ERROR_SIZE])
+{
+    *loaded = NULL;
+    error[0] = '\0';
+    config* self = calloc(1, sizeof *self);
+    if (self == NULL) {
+        snprintf(error, CONFIG_ERROR_SIZE, "%s: the system refused memory", path);
+        return EXIT_OS;
+    }
+    self->planner = verge_planner_default_def();
+    self->freshness = inbox_default_limits();
+
+    json_file file;
+    int code = EXIT_CONFIG;
+    if (!json_file_load(&file, path)) {
+        code = file.missing ? EXIT_NO_INPUT : EXIT_CONFIG;
+    } else {
+        const json_at root = json_root(&file);
+        code = read_document(self, &root);
+        if (code == 0) {
+            code = read_road(self, &root, path);
+        }
+        if (code == 0 && !sum_up(self)) {
+            code = EXIT_OS;
+            json_fail(&root, "the system refused memory");
+        }
+    }
+    if (code != 0) {
+        snprintf(error, CONFIG_ERROR_SIZE, "%s", file.error);
+        config_free(self);
+        self = NULL;
+    }
+    json_file_free(&file);
+    *loaded = self;
+    return code;
+}
+
+void config_free(config* self)
+{
+    if (self == NULL) {
+        return;
+    }
+    road_json_free(&self->planner.road);
+    free(self->road_file);
+    free(self->road_text);
+    free(self);
+}
+
+/// Everything but the road.
+static int read_document(config* self, const json_at* root)
+{
+    static const char* const KEYS[] = { "format",   "rsu_id",  "bus",       "road", "road_file",
+                                        "cycle_ms", "planner", "freshness", NULL };
+    if (!json_expect_object(root, KEYS)) {
+        return EXIT_CONFIG;
+    }
+    const json_at format = json_member(root, "format");
+    if (strcmp(json_string(root, "format"), "verge-rsu/1") != 0) {
+        json_fail(&format, "is not \"verge-rsu/1\", expected the format of the daemon's "
+                           "configuration");
+        return EXIT_CONFIG;
+    }
+    self->rsu_id = (int32_t)json_integer_or(root, "rsu_id", 0, INT32_MAX, 1);
+    self->cycle_ms = (uint32_t)json_integer_or(root, "cycle_ms", CONFIG_CYCLE_MS_MIN,
+                                               CONFIG_CYCLE_MS_MAX, CONFIG_CYCLE_MS_DEFAULT);
+    const json_at planner = json_member(root, "planner");
+    const bool fits = planner_def_from_json(&planner, &self->planner) && read_bus(self, root) &&
+                      read_freshness(self, root);
+    return fits && root->file->error[0] == '\0' ? 0 : EXIT_CONFIG;
+}
+
+static bool read_bus(config* self, const json_at* root)
+{
+    static const char* const SCHEMES[] = { "lcm:", "dds:", "loop:", "log:" };
+    const char* url = json_string(root, "bus");
+    const json_at at = json_member(root, "bus");
+    bool known = false;
+    for (unsigned i = 0; i < sizeof SCHEMES / sizeof SCHEMES[0]; i++) {
+        known = known || strncmp(url, SCHEMES[i], strlen(SCHEMES[i])) == 0;
+    }
+    if (!known) {
+        return json_fail(&at, "is no bus URL, expected lcm:udpm://..., dds:N, loop: or log:FILE");
+    }
+    if (strlen(url) >= sizeof self->bus) {
+        return json_fail(&at, "is too long, expected at most %d characters", CONFIG_BUS_SIZE - 1);
+    }
+    snprintf(self->bus, sizeof self->bus, "%s", url);
+    return true;
+}
+
+static bool read_freshness(config* self, const json_at* root)
+{
+    uint32_t count = 0;
+    const inbox_param* params = inbox_params(&count);
+    const char* keys[FRESHNESS_KEYS_MAX + 1] = { NULL };
+    for (uint32_t i = 0; i < count && i < FRESHNESS_KEYS_MAX; i++) {
+        keys[i] = params[i].name;
+    }
+    const json_at at = json_member(root, "freshness");
+    if (!json_given(&at)) {
+        return true;
+    }
+    if (!json_expect_object(&at, keys)) {
+        return false;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        double* limit = (double*)((char*)&self->freshness + params[i].offset);
+        *limit = json_double_or(&at, params[i].name, params[i].min, params[i].max, *limit);
+    }
+    const char* fault = inbox_limits_check(&self->freshness);
+    if (fault != NULL) {
+        const json_at member = json_member(&at, fault);
+        return json_fail(&member, "does not fit the other limits, expected "
+                                  "fresh_ms <= obstacle_ms <= drop_ms");
+    }
+    return true;
+}
+
+// ---- the road -----------------------------------------------------------------------------
+
+/// A path as written in the file at `from`: relative ones start in that file's folder.
+static char* resolve(const char* from, const char* path)
+{
+    const char* slash = strrchr(from, '/');
+    const size_t folder = path[0] == '/' || slash == NULL ? 0 : (size_t)(slash - from) + 1;
+    char* resolved = malloc(folder + strlen(path) + 1);
+    if (resolved != NULL) {
+        memcpy(resolved, from, folder);
+        memcpy(resolved + folder, path, strlen(path) + 1);
+    }
+    return resolved;
+}
+
+static bool take_road(config* self, const json_at* at)
+{
+    if (!road_from_json(at, &self->planner.road)) {
+        return false;
+    }
+    self->road_text = cJSON_PrintUnformatted(at->node);
+    return true;
+}
+
+/// From a file of its own: a scenario or {"road": {...}}, or the road itself.
+static int read_road_file(config* self, const json_at* at, const char* path)
+{
+    self->road_file = resolve(path, at->node->valuestring);
+    if (self->road_file == NULL) {
+        json_fail(at, "the system refused memory");
+        return EXIT_OS;
+    }
+    json_file file;
+    int code = EXIT_CONFIG;
+    if (!json_file_load(&file, self->road_file)) {
+        code = file.missing ? EXIT_NO_INPUT : EXIT_CONFIG;
+    } else {
+        const json_at root = json_root(&file);
+        const json_at road = json_member(&root, "road");
+        code = take_road(self, json_given(&road) ? &road : &root) ? 0 : EXIT_CONFIG;
+    }
+    if (code != 0) {
+        memcpy(at->file->error, file.error, sizeof at->file->error);
+    }
+    json_file_free(&file);
+    return code;
+}
+
+static int read_road(config* self, const json_at* root, const char* path)
+{
+    const json_at road = json_member(root, "road");
+    const json_at road_file = json_member(root, "road_file");
+    if (json_given(&road) == json_given(&road_file)) {
+        json_fail(&road, "%s, expected one of road and road_file",
+                  json_given(&road) ? "is given twice" : "is missing");
+        return EXIT_CONFIG;
+    }
+    int code = 0;
+    if (json_given(&road)) {
+        code = take_road(self, &road) ? 0 : EXIT_CONFIG;
+    } else if (json_string(root, "road_file")[0] == '\0') {
+        json_fail(&road_file, "is not a path, expected the name of a file with a road");
+        code = EXIT_CONFIG;
+    } else {
+        code = read_road_file(self, &road_file, path);
+    }
+    return code;
+}
+
+// ---- what is in force ---------------------------------------------------------------------
+
+/// The checksums by which operators tell configurations apart.
+static bool sum_up(config* self)
+{
+    if (self->road_text == NULL) {
+        return false;
+    }
+    self->map_crc32 = transport_crc32(self->road_text, strlen(self->road_text));
+    char* text = NULL;
+    size_t size = 0;
+    FILE* memory = open_memstream(&text, &size);
+    if (memory == NULL) {
+        return false;
+    }
+    config_print(self, memory);
+    const bool written = fclose(memory) == 0;
+    if (written) {
+        self->config_crc32 = transport_crc32(text, size);
+    }
+    free(text);
+    return written;
+}
+
+void config_print(const config* self, FILE* out)
+{
+    fprintf(out, "{ \"format\": \"verge-rsu/1\",\n  \"rsu_id\": %d,\n  \"bus\": ", self->rsu_id);
+    string_write(out, self->bus);
+    fprintf(out, ",\n  \"cycle_ms\": %u,\n  \"freshness\": ", self->cycle_ms);
+    uint32_t count = 0;
+    const inbox_param* params = inbox_params(&count);
+    for (uint32_t i = 0; i < count; i++) {
+        fprintf(out, "%s\"%s\": ", i == 0 ? "{ " : ", ", params[i].name);
+        number_write(out, *(const double*)((const char*)&self->freshness + params[i].offset));
+    }
+    fprintf(out, " }");
+    fprintf(out, ",\n  \"planner\": ");
+    planner_def_write(out, &self->planner);
+    if (self->road_file != NULL) {
+        fprintf(out, ",\n  \"road_file\": ");
+        string_write(out, self->road_file);
+    } else {
+        fprintf(out, ",\n  \"road\": %s", self->road_text);
+    }
+    fprintf(out, " }\n");
+}
+
+void config_print_memory(const config* self, FILE* out)
+{
+    verge_memory_term terms[VERGE_MEMORY_TERMS];
+    verge_planner_memory_terms(&self->planner, terms);
+    size_t sum = 0;
+    for (int i = 0; i < VERGE_MEMORY_TERMS; i++) {
+        if (terms[i].text != NULL) {
+            fprintf(out, "%12zu B  %s\n", terms[i].size, terms[i].text);
+            sum += terms[i].size;
+        }
+    }
+    fprintf(out, "%12zu B  planner, all together\n", sum);
+}
+
+int config_planner_build(config_planner* built, const config* self, verge_executor* executor,
+                         void* executor_context, char error[CONFIG_ERROR_SIZE])
+{
+    memset(built, 0, sizeof *built);
+    verge_planner_def def = self->planner;
+    def.executor = executor;
+    def.executor_context = executor_context;
+    const size_t size = verge_planner_memory_size(&def);
+    if (size == 0) {
+        snprintf(error, CONFIG_ERROR_SIZE, "planner: the planner refuses these parameters");
+        return EXIT_CONFIG;
+    }
+    const size_t rounded = (size + 63) / 64 * 64; // aligned_alloc() asks for whole alignments
+    built->memory = aligned_alloc(64, rounded);
+    if (built->memory == NULL) {
+        snprintf(error, CONFIG_ERROR_SIZE, "planner: the system refused %zu bytes", rounded);
+        return EXIT_OS;
+    }
+    memset(built->memory, 0, rounded); // every page is ours before the first cycle
+    built->size = rounded;
+    const verge_status status = verge_planner_init(&built->planner, &def, built->memory, rounded);
+    if (status != VERGE_OK) {
+        snprintf(error, CONFIG_ERROR_SIZE, "planner: %s", verge_status_text(status));
+        config_planner_free(built);
+        return EXIT_CONFIG;
+    }
+    return 0;
+}
+
+void config_planner_free(config_planner* built)
+{
+    free(built->memory);
+    memset(built, 0, sizeof *built);
+}
+
+cycle_def config_cycle_def(const config* self, const config_planner* built)
+{
+    const cycle_def def = {
+        .planner = built->planner,
+        .vehicles_max = self->planner.vehicles_max,
+        .controlled_max = self->planner.controlled_max,
+        .limits = self->freshness,
+        .rsu_id = self->rsu_id,
+    };
+    return def;
+}

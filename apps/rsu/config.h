@@ -1,0 +1,85 @@
+/// The daemon's configuration file, checked as a whole before anything of it is used.
+///
+///     { "format": "verge-rsu/1", "rsu_id": 1, "bus": "lcm:udpm://239.255.76.67:7667?ttl=0",
+///       "road_file": "ramp-case1.json", "cycle_ms": 500, "planner": {}, "freshness": {} }
+///
+/// | key         | unit | range              | default  | meaning                               |
+/// |-------------|------|--------------------|----------|---------------------------------------|
+/// | `format`    |      | `verge-rsu/1`      | required | what this file is                     |
+/// | `rsu_id`    | 1    | 0 .. 2^31 - 1      | 1        | sender of plans and status            |
+/// | `bus`       |      | a bus URL          | required | where states come from and plans go   |
+/// | `road`      |      | a road             |          | the lanes, as in a scenario           |
+/// | `road_file` |      | path               |          | the same from a file: a road, or a    |
+/// |             |      |                    |          | scenario whose `road` is taken;       |
+/// |             |      |                    |          | relative to this file                 |
+/// | `cycle_ms`  | ms   | 10 .. 5000         | 500      | time between plans                    |
+/// | `planner`   |      | see planner.h      | defaults | any planner parameter by its name     |
+/// | `freshness` |      | see inbox.h        | defaults | limits on the age of states           |
+///
+/// One of `road` and `road_file` is required. Unknown keys are errors.
+/// Memory      Heap, until config_free(): at start-up and when the configuration is read again.
+#ifndef VERGE_RSU_CONFIG_H
+#define VERGE_RSU_CONFIG_H
+
+#include "cycle.h"
+#include "verge/verge.h"
+
+#include <stdio.h>
+
+enum {
+    CONFIG_CYCLE_MS_MIN = 10,
+    CONFIG_CYCLE_MS_MAX = 5000,
+    CONFIG_CYCLE_MS_DEFAULT = 500,
+    CONFIG_ERROR_SIZE = 512,
+    CONFIG_BUS_SIZE = 256,
+};
+
+/// Exit codes of the daemon, those of sysexits.h.
+enum {
+    EXIT_USAGE = 64,       ///< wrong options
+    EXIT_NO_INPUT = 66,    ///< a named file cannot be read
+    EXIT_UNAVAILABLE = 69, ///< no bus
+    EXIT_SOFTWARE = 70,    ///< a defect of ours
+    EXIT_OS = 71,          ///< the system refused memory, a thread or a descriptor
+    EXIT_CONFIG = 78,      ///< the configuration is not usable
+};
+
+typedef struct config {
+    int32_t  rsu_id;
+    char     bus[CONFIG_BUS_SIZE];
+    uint32_t cycle_ms;
+    verge_planner_def planner;  ///< road included; the road's memory belongs to the config
+    inbox_limits freshness;
+    uint32_t map_crc32;         ///< of the road as read, whitespace apart
+    uint32_t config_crc32;      ///< of what config_print() prints
+    char*    road_file;         ///< the path as resolved; null: the road was written inline
+    char*    road_text;         ///< the road as JSON on one line
+} config;
+
+/// Reads and checks everything. Returns 0, EXIT_NO_INPUT, EXIT_CONFIG or EXIT_OS; unless 0,
+/// *loaded is null and error holds one line `file:field: what is wrong, what was expected`.
+int  config_load(config** loaded, const char* path, char error[CONFIG_ERROR_SIZE]);
+void config_free(config* self); ///< null is fine
+
+/// The configuration in force as JSON, every planner parameter written out. It can be read again.
+void config_print(const config* self, FILE* out);
+
+/// A planner built from the configuration, and the memory it lives in.
+typedef struct config_planner {
+    verge_planner* planner;
+    void*          memory;
+    size_t         size;
+} config_planner;
+
+/// The memory a planner needs, term by term, for people.
+void config_print_memory(const config* self, FILE* out);
+
+/// Returns 0, EXIT_CONFIG or EXIT_OS with a line in error. executor may be null.
+int  config_planner_build(config_planner* built, const config* self, verge_executor* executor,
+                          void* executor_context, char error[CONFIG_ERROR_SIZE]);
+void config_planner_free(config_planner* built);
+
+/// What a cycle needs of a configuration and its planner.
+cycle_def config_cycle_def(const config* self, const config_planner* built);
+
+#endif

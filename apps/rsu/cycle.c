@@ -1,0 +1,218 @@
+#include "cycle.h"
+
+#include "verge/wire.h"
+
+#include <assert.h>
+#include <string.h>
+
+void cycle_init(cycle* self, const cycle_def* def)
+{
+    memset(self, 0, sizeof *self);
+    self->number = -1;
+    self->utime = INT64_MIN;
+    self->def = *def;
+    inbox_init(&self->inbox, &def->limits, def->vehicles_max, def->controlled_max);
+}
+
+void cycle_swap(cycle* self, const cycle_def* def)
+{
+    if (def->vehicles_max < self->inbox.vehicles_max) {
+        // The slots in use may be more than there is room for now: hear everyone anew.
+        const inbox_counters counters = self->inbox.counters;
+        inbox_init(&self->inbox, &def->limits, def->vehicles_max, def->controlled_max);
+        self->inbox.counters = counters;
+    }
+    inbox_set_limits(&self->inbox, &def->limits);
+    self->inbox.vehicles_max = def->vehicles_max;
+    self->inbox.controlled_max = def->controlled_max;
+    self->def = *def;
+}
+
+bool cycle_offer(cycle* self, const transport_message* message)
+{
+    if (message->kind != TRANSPORT_STATE) {
+        return false;
+    }
+    const verge_road* road = verge_planner_road(self->def.planner);
+    return inbox_offer(&self->inbox, &message->as.state, message->arrival_utime, road) ==
+           INBOX_ACCEPTED;
+}
+
+void cycle_run(cycle* self, int64_t number, int64_t utime)
+{
+    cycle_begin(self, number, utime);
+    cycle_plan(self);
+    cycle_end(self);
+}
+
+// ---- begin --------------------------------------------------------------------------------
+
+static void leave_out(inbox_view* view, uint32_t index);
+
+void cycle_begin(cycle* self, int64_t number, int64_t utime)
+{
+    if (utime <= self->utime) {
+        verge_planner_reset(self->def.planner); // its last plan lies in what is now the future
+    }
+    self->number = number;
+    self->utime = utime;
+    inbox_snapshot(&self->inbox, utime, &self->view);
+    // The planner refuses a whole step for one vehicle it cannot use. The inbox lets none
+    // through; this keeps the others safe should projection have made one of it.
+    for (uint32_t i = self->view.count; i-- > 0;) {
+        const verge_status status =
+            verge_planner_check_vehicle(self->def.planner, &self->view.vehicles[i]);
+        if (status != VERGE_OK && status != VERGE_ERR_OFF_ROAD) {
+            self->counters.unusable++;
+            leave_out(&self->view, i);
+        }
+    }
+}
+
+/// The others keep their order.
+static void leave_out(inbox_view* view, uint32_t index)
+{
+    view->controlled_count -= view->vehicles[index].controlled ? 1 : 0;
+    view->count--;
+    const uint32_t behind = view->count - index;
+    memmove(&view->vehicles[index], &view->vehicles[index + 1],
+            behind * sizeof view->vehicles[0]);
+    memmove(&view->state_utime[index], &view->state_utime[index + 1],
+            behind * sizeof view->state_utime[0]);
+}
+
+// ---- plan ---------------------------------------------------------------------------------
+
+void cycle_plan(cycle* self)
+{
+    self->status = VERGE_OK;
+    if (self->view.controlled_count > 0) {
+        self->status = verge_planner_step(self->def.planner, self->utime, self->view.vehicles,
+                                          self->view.count, &self->plan);
+    }
+    if (self->view.controlled_count == 0 || self->status != VERGE_OK) {
+        memset(&self->plan, 0, sizeof self->plan);
+        self->plan.utime = self->utime;
+    }
+}
+
+// ---- end ----------------------------------------------------------------------------------
+
+static void tell_cancelled(cycle* self);
+static void tell_plans(cycle* self);
+static void finish_messages(cycle* self, int64_t number);
+
+void cycle_end(cycle* self)
+{
+    self->planner_counters = verge_planner_counters(self->def.planner);
+    self->counters.planned += self->view.controlled_count > 0 ? 1 : 0;
+    self->counters.refused += self->status != VERGE_OK ? 1 : 0;
+    self->message_count = 0;
+    tell_cancelled(self);
+    tell_plans(self);
+    finish_messages(self, self->number);
+}
+
+/// The index of a vehicle in the view; view.count when it is not there.
+static uint32_t index_of(const cycle* self, int32_t vehicle_id)
+{
+    uint32_t i = 0;
+    while (i < self->view.count && self->view.vehicles[i].id != vehicle_id) {
+        i++;
+    }
+    return i;
+}
+
+/// Number and count of the cycle's messages follow in finish_messages().
+static wire_plan_header header_of(const cycle* self, int64_t utime, int64_t state_utime)
+{
+    const wire_plan_header header = {
+        .utime = utime,
+        .valid_until_utime = utime,
+        .state_utime = state_utime,
+        .rsu_id = self->def.rsu_id,
+    };
+    return header;
+}
+
+static void cancel(cycle* self, int32_t vehicle_id, int64_t utime, int64_t state_utime,
+                   verge_reason reason)
+{
+    assert(self->message_count < CYCLE_MESSAGES_MAX);
+    const wire_plan_header header = header_of(self, utime, state_utime);
+    self->messages[self->message_count++] = wire_plan_cancelled(&header, vehicle_id, reason);
+    self->counters.cancelled++;
+}
+
+/// Once for each vehicle that had a plan and is not planned any more: its states are too old or
+/// have ended, it does not ask any more, or more vehicles ask than the planner holds. Where the
+/// planner refused the cycle, plans in force stay in force.
+static void tell_cancelled(cycle* self)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < self->planned_count; i++) {
+        const int32_t  id = self->planned_ids[i];
+        const uint32_t index = index_of(self, id);
+        const bool     seen = index < self->view.count;
+        if (seen && self->view.vehicles[index].controlled) {
+            self->planned_ids[kept++] = id;
+            continue;
+        }
+        const int64_t state_utime = seen ? self->view.state_utime[index] : 0;
+        const double  age_ms = (double)(self->utime - state_utime) / 1000.0;
+        cancel(self, id, self->utime, state_utime,
+               age_ms > self->def.limits.fresh_ms ? VERGE_REASON_STALE : VERGE_REASON_NONE);
+    }
+    self->planned_count = kept;
+}
+
+static void tell_plans(cycle* self)
+{
+    if (self->status != VERGE_OK) {
+        return;
+    }
+    self->planned_count = 0;
+    for (uint32_t i = 0; i < self->plan.vehicle_count; i++) {
+        const verge_vehicle_plan* plan = &self->plan.vehicles[i];
+        const uint32_t index = index_of(self, plan->vehicle_id);
+        assert(index < self->view.count && self->message_count < CYCLE_MESSAGES_MAX);
+        wire_plan_header header = header_of(self, self->utime, self->view.state_utime[index]);
+        header.digest = self->plan.digest;
+        verge_vehicle_plan_t* message = &self->messages[self->message_count++];
+        *message = wire_plan_from_vehicle_plan(&header, plan);
+        // The plan holds as long as its trajectory: a vehicle that hears no newer one until then
+        // is on its own.
+        message->valid_until_utime =
+            self->utime + (int64_t)(message->point_count - 1) * message->dt_ms * 1000;
+        self->counters.plans++;
+        self->counters.fallbacks += plan->status != VERGE_PLANNED ? 1 : 0;
+        self->planned_ids[self->planned_count++] = plan->vehicle_id;
+    }
+}
+
+void cycle_cancel_all(cycle* self, int64_t number, int64_t utime)
+{
+    self->message_count = 0;
+    for (uint32_t i = 0; i < self->planned_count; i++) {
+        cancel(self, self->planned_ids[i], utime, 0, VERGE_REASON_NONE);
+    }
+    self->planned_count = 0;
+    finish_messages(self, number);
+}
+
+/// Orders the messages by vehicle id and gives each the cycle's number and their count.
+static void finish_messages(cycle* self, int64_t number)
+{
+    for (uint32_t i = 1; i < self->message_count; i++) {
+        const verge_vehicle_plan_t message = self->messages[i];
+        uint32_t j = i;
+        for (; j > 0 && self->messages[j - 1].vehicle_id > message.vehicle_id; j--) {
+            self->messages[j] = self->messages[j - 1];
+        }
+        self->messages[j] = message;
+    }
+    for (uint32_t i = 0; i < self->message_count; i++) {
+        self->messages[i].cycle = (int32_t)(number & INT32_MAX); // wraps after 34 years at 2 Hz
+        self->messages[i].plans_in_cycle = (int32_t)self->message_count;
+    }
+}

@@ -1,0 +1,592 @@
+/// A cycle in time: the timer ticks, what waits on the bus is taken in, the snapshot is made and
+/// the worker starts; while it plans, states keep coming in for the next cycle; when it is done
+/// the plans go out. A tick that finds the worker busy is a missed deadline: the plan under way
+/// is still sent, as the newest there is, and the next tick starts a new one.
+#define _GNU_SOURCE
+#include "live.h"
+
+#include "config.h"
+#include "cycle.h"
+#include "log.h"
+#include "status.h"
+#include "worker.h"
+
+#include "common/executor.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/signalfd.h>
+#include <sys/timerfd.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    DRAIN_BATCH = 64,
+    DRAIN_ROUNDS_MAX = 64,   // before a cycle: the whole socket buffer, but not a flood's length
+    STATUS_PERIOD_MS = 1000, // contract: 1 Hz and on change
+};
+
+typedef struct live {
+    const live_options* options;
+    config*        config;
+    config_planner planner;
+    executor*      pool;         // null with one thread
+    config*        next_config;  // read again, waits for the next cycle; null: nothing waits
+    config_planner next_planner;
+    executor*      next_pool;
+    transport*     next_bus;     // null: the bus stays
+    transport*     bus;
+    transport*     record;       // null: not recording
+    worker*        worker;
+    int            signal_fd, cycle_fd, status_fd;
+    int64_t        cycle_count;  // cycles begun
+    int64_t        begun;        // [us] monotonic, of the running cycle
+    bool           late;         // a tick came while the running cycle was planning
+    rsu_state      told_state;   // in the last status message
+    rsu_fault      told_fault;
+    uint64_t       bus_errors;   // seen so far
+    uint64_t       refusals;     // rx refusals already in the log
+    uint64_t       over_capacity; // the same of these alone
+    status         status;
+    cycle          cycle;
+    transport_message inbound[DRAIN_BATCH];
+} live;
+
+static int  start(live* self);
+static void loop(live* self);
+static int  stop(live* self);
+static void release(live* self);
+
+static int64_t clock_us(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
+}
+
+int live_run(const live_options* options)
+{
+    static live self; // large, and there is one of it
+    memset(&self, 0, sizeof self);
+    self.options = options;
+    self.signal_fd = self.cycle_fd = self.status_fd = -1;
+    const int code = start(&self);
+    if (code != 0) {
+        release(&self);
+        return code;
+    }
+    loop(&self);
+    return stop(&self);
+}
+
+// ---- start --------------------------------------------------------------------------------
+
+static int  load(live* self);
+static int  open_ends(live* self);
+static int  open_descriptors(live* self);
+static int  fail(int code, const char* line);
+static void arm(int timer_fd, uint32_t period_ms);
+
+static int start(live* self)
+{
+    int code = load(self);
+    if (code == 0) {
+        code = open_ends(self);
+    }
+    if (code == 0) {
+        code = open_descriptors(self);
+    }
+    if (code != 0) {
+        return code;
+    }
+    self->status.start_utime = clock_us(CLOCK_REALTIME);
+    const cycle_def def = config_cycle_def(self->config, &self->planner);
+    cycle_init(&self->cycle, &def);
+    arm(self->cycle_fd, self->config->cycle_ms);
+    arm(self->status_fd, STATUS_PERIOD_MS);
+    log_event(LOG_INFO, "READY",
+              "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=%08x "
+              "config_crc32=%08x",
+              VERGE_VERSION_STRING, self->config->rsu_id, self->config->bus,
+              self->config->cycle_ms, self->planner.size, self->config->map_crc32,
+              self->config->config_crc32);
+    return 0;
+}
+
+/// Starts the helpers a configuration asks for. False: the system refuses them.
+static bool pool_start(executor** pool, const config* config)
+{
+    *pool = config->planner.threads > 1 ? executor_create(config->planner.threads) : NULL;
+    return *pool != NULL || config->planner.threads <= 1;
+}
+
+static int load(live* self)
+{
+    char error[CONFIG_ERROR_SIZE];
+    int code = config_load(&self->config, self->options->config_path, error);
+    if (code != 0) {
+        return fail(code, error);
+    }
+    if (!pool_start(&self->pool, self->config)) {
+        return fail(EXIT_OS, "planner.threads: the system refused to start a thread");
+    }
+    code = config_planner_build(&self->planner, self->config,
+                                self->pool != NULL ? executor_run : NULL, self->pool, error);
+    return code == 0 ? 0 : fail(code, error);
+}
+
+static int open_ends(live* self)
+{
+    char error[CONFIG_ERROR_SIZE];
+    int result = transport_open(&self->bus, self->config->bus, TRANSPORT_STATES, error,
+                                sizeof error);
+    if (result != TRANSPORT_OK) {
+        return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
+    }
+    if (self->options->record_path == NULL) {
+        return 0;
+    }
+    char url[4096];
+    const int length = snprintf(url, sizeof url, "log:%s", self->options->record_path);
+    if (length < 0 || (size_t)length >= sizeof url) {
+        return fail(EXIT_USAGE, "--record: the path is too long");
+    }
+    result = transport_open(&self->record, url, TRANSPORT_RECORD, error, sizeof error);
+    return result == TRANSPORT_OK ? 0 : fail(EXIT_NO_INPUT, error);
+}
+
+static int open_descriptors(live* self)
+{
+    sigset_t signals;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGTERM);
+    sigaddset(&signals, SIGINT);
+    sigaddset(&signals, SIGHUP);
+    sigprocmask(SIG_BLOCK, &signals, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    self->signal_fd = signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
+    self->cycle_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    self->status_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    self->worker = worker_create();
+    if (self->signal_fd < 0 || self->cycle_fd < 0 || self->status_fd < 0 ||
+        self->worker == NULL) {
+        return fail(EXIT_OS, "the system refused a thread or a descriptor");
+    }
+    return 0;
+}
+
+/// One line for people, as the contract words it, without the log's decoration.
+static int fail(int code, const char* line)
+{
+    const size_t size = strlen(line);
+    fprintf(stderr, "verge-rsu: %s%s", line, size > 0 && line[size - 1] == '\n' ? "" : "\n");
+    return code;
+}
+
+static void arm(int timer_fd, uint32_t period_ms)
+{
+    struct itimerspec spec;
+    memset(&spec, 0, sizeof spec);
+    spec.it_interval.tv_sec = period_ms / 1000;
+    spec.it_interval.tv_nsec = (long)(period_ms % 1000) * 1000000;
+    spec.it_value = spec.it_interval;
+    timerfd_settime(timer_fd, 0, &spec, NULL);
+}
+
+// ---- the loop -----------------------------------------------------------------------------
+
+static bool on_signals(live* self);
+static void on_bus(live* self);
+static void on_planned(live* self);
+static void on_tick(live* self);
+static void on_status_due(live* self);
+static void tell_changes(live* self);
+static uint64_t expirations(int timer_fd);
+
+static void loop(live* self)
+{
+    const int64_t limit = self->options->cycles;
+    for (;;) {
+        struct pollfd ends[] = {
+            { .fd = self->signal_fd, .events = POLLIN },
+            { .fd = worker_fd(self->worker), .events = POLLIN },
+            { .fd = self->cycle_fd, .events = POLLIN },
+            { .fd = self->status_fd, .events = POLLIN },
+            { .fd = transport_fd(self->bus), .events = POLLIN },
+        };
+        if (poll(ends, sizeof ends / sizeof ends[0], STATUS_PERIOD_MS) < 0 && errno != EINTR) {
+            log_event(LOG_ERROR, "poll", "error=%s", strerror(errno));
+        }
+        if (on_signals(self)) {
+            return;
+        }
+        // What a plan is made from is taken in before it is begun, and a plan that is ready goes
+        // out before anything else.
+        on_planned(self);
+        if (limit > 0 && self->cycle_count >= limit && !worker_busy(self->worker)) {
+            return;
+        }
+        on_bus(self);
+        on_tick(self);
+        on_status_due(self);
+        tell_changes(self);
+    }
+}
+
+static uint64_t expirations(int timer_fd)
+{
+    uint64_t count = 0;
+    return read(timer_fd, &count, sizeof count) == (ssize_t)sizeof count ? count : 0;
+}
+
+// ---- taking in ----------------------------------------------------------------------------
+
+static void record_message(live* self, int64_t utime, const transport_message* message);
+
+/// Takes in one batch. Returns how many messages it had.
+static uint32_t take_in(live* self)
+{
+    const uint32_t count = transport_drain(self->bus, self->inbound, DRAIN_BATCH);
+    for (uint32_t i = 0; i < count; i++) {
+        const transport_message* message = &self->inbound[i];
+        if (cycle_offer(&self->cycle, message)) {
+            record_message(self, message->arrival_utime, message);
+        } else {
+            log_event(LOG_DEBUG, "state_refused", "vehicle=%d", message->as.state.vehicle_id);
+        }
+    }
+    return count;
+}
+
+static void on_bus(live* self)
+{
+    take_in(self);
+}
+
+/// A recording that cannot be written ends; planning does not.
+static void record_message(live* self, int64_t utime, const transport_message* message)
+{
+    if (self->record == NULL) {
+        return;
+    }
+    if (transport_record(self->record, utime, message) != 0) {
+        log_event(LOG_ERROR, "record_ended", "reason=write_failed error=\"%s\"", strerror(errno));
+        status_fault(&self->status, RSU_FAULT_RECORD, 0, true);
+        transport_close(self->record);
+        self->record = NULL;
+    }
+}
+
+static void record_mark(live* self, bool overrun)
+{
+    transport_message message;
+    memset(&message, 0, sizeof message);
+    message.kind = TRANSPORT_MARK;
+    message.as.mark.utime = self->cycle.utime;
+    message.as.mark.cycle = self->cycle.number;
+    message.as.mark.overrun = overrun ? 1 : 0;
+    record_message(self, self->cycle.utime, &message);
+}
+
+// ---- a cycle ------------------------------------------------------------------------------
+
+static void install_next(live* self);
+static void send_messages(live* self);
+
+static void plan_job(void* arg)
+{
+    cycle_plan(arg);
+}
+
+static void on_tick(live* self)
+{
+    const uint64_t ticks = expirations(self->cycle_fd);
+    if (ticks == 0) {
+        return;
+    }
+    const bool busy = worker_busy(self->worker);
+    const uint64_t missed = busy ? ticks : ticks - 1;
+    if (missed > 0) {
+        self->status.deadline_misses += missed;
+        status_fault(&self->status, RSU_FAULT_DEADLINE, clock_us(CLOCK_MONOTONIC), false);
+        log_event(LOG_WARNING, "deadline_missed", "cycle=%" PRId64 " cycle_ms=%u total=%" PRIu64,
+                  self->cycle.number, self->config->cycle_ms, self->status.deadline_misses);
+    }
+    if (busy) {
+        self->late = true;
+        return;
+    }
+    if (self->options->cycles > 0 && self->cycle_count >= self->options->cycles) {
+        return;
+    }
+    install_next(self);
+    for (uint32_t round = 0; round < DRAIN_ROUNDS_MAX && take_in(self) == DRAIN_BATCH; round++) {
+    }
+    self->begun = clock_us(CLOCK_MONOTONIC);
+    self->late = false;
+    cycle_begin(&self->cycle, self->cycle_count++, clock_us(CLOCK_REALTIME));
+    record_mark(self, false);
+    worker_start(self->worker, plan_job, &self->cycle);
+}
+
+static void on_planned(live* self)
+{
+    if (!worker_collect(self->worker)) {
+        return;
+    }
+    const cycle_counters before = self->cycle.counters;
+    cycle_end(&self->cycle);
+    send_messages(self);
+    const int64_t now = clock_us(CLOCK_MONOTONIC);
+    timing_add(&self->status.cycle_time, now - self->begun);
+    self->status.heard = self->cycle.view.count > 0;
+    if (self->late) {
+        record_mark(self, true);
+    }
+    const cycle_counters* counters = &self->cycle.counters;
+    if (counters->refused > before.refused) {
+        status_fault(&self->status, RSU_FAULT_PLANNER, now, false);
+        log_event(LOG_ERROR, "planner_refused", "cycle=%" PRId64 " reason=\"%s\"",
+                  self->cycle.number, verge_status_text(self->cycle.status));
+    }
+    log_event(LOG_DEBUG, "cycle",
+              "number=%" PRId64 " vehicles=%u controlled=%u fallbacks=%u us=%u "
+              "digest=%016" PRIx64,
+              self->cycle.number, self->cycle.view.count, self->cycle.view.controlled_count,
+              self->cycle.plan.fallback_count, self->status.cycle_time.last,
+              self->cycle.plan.digest);
+}
+
+/// Broadcasts what the cycle has made, and keeps it in the recording.
+static void send_messages(live* self)
+{
+    for (uint32_t i = 0; i < self->cycle.message_count; i++) {
+        const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
+        transport_publish_plan(self->bus, plan);
+        if (plan->status == VERGE_CANCELLED) {
+            log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
+                      plan->reason);
+        }
+        if (self->record != NULL) {
+            static transport_message message; // large; there is one main thread
+            message.kind = TRANSPORT_PLAN;
+            message.arrival_utime = clock_us(CLOCK_REALTIME);
+            message.as.plan = *plan;
+            record_message(self, message.arrival_utime, &message);
+        }
+    }
+}
+
+// ---- status -------------------------------------------------------------------------------
+
+static void watch_bus(live* self, int64_t now);
+static void send_status(live* self, int64_t now);
+
+static uint64_t refusals_of(const cycle* cycle)
+{
+    const inbox_counters* rx = &cycle->inbox.counters;
+    return rx->rx_stale + rx->rx_future + rx->rx_duplicate + rx->rx_out_of_order +
+           rx->rx_out_of_range + rx->rx_off_map + rx->rx_over_capacity + rx->rx_id_conflict;
+}
+
+static void on_status_due(live* self)
+{
+    if (expirations(self->status_fd) == 0) {
+        return;
+    }
+    const int64_t now = clock_us(CLOCK_MONOTONIC);
+    watch_bus(self, now);
+    const uint64_t over_capacity = self->cycle.inbox.counters.rx_over_capacity;
+    if (over_capacity > self->over_capacity) {
+        self->over_capacity = over_capacity;
+        status_fault(&self->status, RSU_FAULT_CAPACITY, now, false);
+        log_event(LOG_WARNING, "over_capacity", "vehicles_max=%u controlled_max=%u",
+                  self->cycle.def.vehicles_max, self->cycle.def.controlled_max);
+    }
+    const transport_stats stats = transport_statistics(self->bus);
+    const uint64_t refusals = refusals_of(&self->cycle) + stats.malformed + stats.dropped;
+    if (refusals > self->refusals) {
+        log_event(LOG_WARNING, "states_refused",
+                  "new=%" PRIu64 " total=%" PRIu64 " malformed=%" PRIu64 " dropped=%" PRIu64,
+                  refusals - self->refusals, refusals, stats.malformed, stats.dropped);
+        self->refusals = refusals;
+    }
+    send_status(self, now);
+}
+
+/// Sends the status at once when its state or fault is not what was told last.
+static void tell_changes(live* self)
+{
+    const int64_t now = clock_us(CLOCK_MONOTONIC);
+    const rsu_state state = status_state(&self->status, now);
+    const rsu_fault fault = status_worst(&self->status, now);
+    if (state != self->told_state || fault != self->told_fault) {
+        log_event(LOG_INFO, "state", "from=%s to=%s fault=%s", rsu_state_name(self->told_state),
+                  rsu_state_name(state), rsu_fault_name(fault));
+        send_status(self, now);
+    }
+}
+
+static void send_status(live* self, int64_t now)
+{
+    const transport_stats stats = transport_statistics(self->bus);
+    const verge_rsu_status_t message = status_message(
+        &self->status, self->config, &self->cycle, &stats, clock_us(CLOCK_REALTIME), now);
+    transport_publish_status(self->bus, &message);
+    self->told_state = (rsu_state)message.state;
+    self->told_fault = (rsu_fault)message.fault;
+}
+
+/// The transport keeps trying by itself when the bus goes away; this says so.
+static void watch_bus(live* self, int64_t now)
+{
+    const uint64_t errors = transport_statistics(self->bus).errors;
+    if (errors > self->bus_errors) {
+        self->bus_errors = errors;
+        status_fault(&self->status, RSU_FAULT_BUS, now, false);
+        log_event(LOG_WARNING, "bus_trouble", "errors=%" PRIu64 " bus=%s action=keeps_trying",
+                  errors, self->config->bus);
+    }
+}
+
+// ---- signals, new configuration -----------------------------------------------------------
+
+static void reload(live* self);
+static void drop_next(live* self);
+
+/// True: it is time to stop.
+static bool on_signals(live* self)
+{
+    struct signalfd_siginfo info;
+    while (read(self->signal_fd, &info, sizeof info) == (ssize_t)sizeof info) {
+        if (info.ssi_signo != SIGHUP) {
+            log_event(LOG_INFO, "stopping", "signal=%s",
+                      info.ssi_signo == SIGTERM ? "SIGTERM" : "SIGINT");
+            return true;
+        }
+        reload(self);
+    }
+    return false;
+}
+
+/// Reads and builds everything the new configuration needs; it takes force at the next cycle.
+/// Whatever goes wrong, the old one stays in force as if nothing had been asked.
+static void reload(live* self)
+{
+    char error[CONFIG_ERROR_SIZE] = "";
+    drop_next(self);
+    int code = config_load(&self->next_config, self->options->config_path, error);
+    if (code == 0 && !pool_start(&self->next_pool, self->next_config)) {
+        code = EXIT_OS;
+    }
+    if (code == 0) {
+        code = config_planner_build(&self->next_planner, self->next_config,
+                                    self->next_pool != NULL ? executor_run : NULL,
+                                    self->next_pool, error);
+    }
+    if (code == 0 && strcmp(self->next_config->bus, self->config->bus) != 0) {
+        code = transport_open(&self->next_bus, self->next_config->bus, TRANSPORT_STATES, error,
+                              sizeof error);
+    }
+    if (code == 0) {
+        return;
+    }
+    error[strcspn(error, "\n")] = '\0';
+    log_event(LOG_ERROR, "config_refused", "kept=%08x reason=\"%s\"", self->config->config_crc32,
+              error);
+    status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
+    drop_next(self);
+}
+
+static void drop_next(live* self)
+{
+    transport_close(self->next_bus);
+    config_planner_free(&self->next_planner);
+    executor_destroy(self->next_pool);
+    config_free(self->next_config);
+    self->next_bus = NULL;
+    self->next_pool = NULL;
+    self->next_config = NULL;
+}
+
+/// At a cycle boundary, the worker at rest: the configuration that waits takes force.
+static void install_next(live* self)
+{
+    if (self->next_config == NULL) {
+        return;
+    }
+    const cycle_def def = config_cycle_def(self->next_config, &self->next_planner);
+    cycle_swap(&self->cycle, &def);
+    const bool period_changed = self->next_config->cycle_ms != self->config->cycle_ms;
+    config_planner_free(&self->planner);
+    executor_destroy(self->pool);
+    config_free(self->config);
+    self->planner = self->next_planner;
+    self->pool = self->next_pool;
+    self->config = self->next_config;
+    memset(&self->next_planner, 0, sizeof self->next_planner);
+    self->next_pool = NULL;
+    self->next_config = NULL;
+    if (self->next_bus != NULL) {
+        transport_close(self->bus);
+        self->bus = self->next_bus;
+        self->next_bus = NULL;
+        self->bus_errors = 0;
+        self->refusals = 0;
+    }
+    if (period_changed) {
+        arm(self->cycle_fd, self->config->cycle_ms);
+    }
+    status_fault_clear(&self->status, RSU_FAULT_CONFIG);
+    // A recording holds one configuration: what follows could not be replayed with either.
+    if (self->record != NULL) {
+        log_event(LOG_WARNING, "record_ended", "reason=configuration_changed");
+        transport_close(self->record);
+        self->record = NULL;
+    }
+    log_event(LOG_INFO, "config_in_force", "config_crc32=%08x map_crc32=%08x cycle_ms=%u",
+              self->config->config_crc32, self->config->map_crc32, self->config->cycle_ms);
+}
+
+// ---- stop ---------------------------------------------------------------------------------
+
+static int stop(live* self)
+{
+    cycle_cancel_all(&self->cycle, self->cycle_count, clock_us(CLOCK_REALTIME));
+    send_messages(self);
+    self->status.stopping = true;
+    send_status(self, clock_us(CLOCK_MONOTONIC));
+    log_event(LOG_INFO, "stopped",
+              "cycles=%" PRId64 " plans=%" PRIu64 " fallbacks=%" PRIu64 " deadline_misses=%" PRIu64,
+              self->cycle_count, self->cycle.counters.plans, self->cycle.counters.fallbacks,
+              self->status.deadline_misses);
+    if (worker_busy(self->worker)) {
+        // The contract gives us a second; a planning step may take longer, and nobody needs its
+        // plan any more. The recording is complete without it.
+        transport_close(self->record);
+        _exit(0);
+    }
+    release(self);
+    return 0;
+}
+
+static void release(live* self)
+{
+    worker_destroy(self->worker);
+    drop_next(self);
+    transport_close(self->record);
+    transport_close(self->bus);
+    config_planner_free(&self->planner);
+    executor_destroy(self->pool);
+    config_free(self->config);
+    const int ends[] = { self->signal_fd, self->cycle_fd, self->status_fd };
+    for (unsigned i = 0; i < sizeof ends / sizeof ends[0]; i++) {
+        if (ends[i] >= 0) {
+            close(ends[i]);
+        }
+    }
+}

@@ -1,0 +1,21 @@
+/// The daemon at work: listens to the bus, plans each cycle, broadcasts plans and its status.
+///
+/// One loop waits on everything (bus, cycle timer, status timer, planning thread, signals); no
+/// call in it blocks, so each is answered within the length of one short task. Planning itself
+/// runs in a worker thread, see worker.h. After the line `event=ready` nothing here allocates,
+/// except when SIGHUP has the configuration read again.
+#ifndef VERGE_RSU_LIVE_H
+#define VERGE_RSU_LIVE_H
+
+#include <stdint.h>
+
+typedef struct live_options {
+    const char* config_path;
+    const char* record_path; ///< null: no recording
+    int64_t     cycles;      ///< stop after so many; 0: run until told to stop
+} live_options;
+
+/// Runs until SIGTERM, SIGINT or the last of options->cycles. Returns the process's exit code.
+int live_run(const live_options* options);
+
+#endif

@@ -1,0 +1,169 @@
+/// verge-rsu: the roadside daemon. Options and what they lead to; the work is in live.c,
+/// replay.c and config.c. Exit codes: config.h.
+#include "config.h"
+#include "live.h"
+#include "log.h"
+#include "replay.h"
+
+#include "common/options.h"
+
+#include <string.h>
+
+typedef struct arguments {
+    const char* config_path;
+    const char* record_path;
+    const char* replay_path;
+    const char* cycles_text;
+    const char* level_text;
+    bool        check;
+    bool        print;
+    uint64_t    cycles;
+} arguments;
+
+static int  read_arguments(arguments* args, int argc, char** argv);
+static bool ends_here(const arguments* args, int* status);
+static int  check(const arguments* args, const config* config);
+static int  run_replay(const arguments* args, const config* config, const char* log_path);
+
+int main(int argc, char** argv)
+{
+    arguments args;
+    memset(&args, 0, sizeof args);
+    int status = read_arguments(&args, argc, argv);
+    if (status != 0 || args.config_path == NULL) {
+        return status;
+    }
+    if (ends_here(&args, &status)) {
+        return status;
+    }
+    const live_options options = {
+        .config_path = args.config_path,
+        .record_path = args.record_path,
+        .cycles = (int64_t)args.cycles,
+    };
+    return live_run(&options);
+}
+
+static int wrong(const char* option, const char* text)
+{
+    fprintf(stderr, "verge-rsu:%s: %s\n", option, text);
+    return EXIT_USAGE;
+}
+
+/// 0 with a config path: go on. 0 without: help or version was asked for.
+static int read_arguments(arguments* args, int argc, char** argv)
+{
+    const option_entry table[] = {
+        { "--config", "RSU.json", "the configuration; required", &args->config_path, NULL },
+        { "--check-config", NULL, "checks it, prints the memory it needs, ends", NULL,
+          &args->check },
+        { "--print-config", NULL, "prints it with every default, ends", NULL, &args->print },
+        { "--cycles", "N", "stops after N planning cycles", &args->cycles_text, NULL },
+        { "--record", "LOG", "records states, cycles and plans", &args->record_path, NULL },
+        { "--replay", "LOG", "plans what a log holds, a line a cycle", &args->replay_path, NULL },
+        { "--log-level", "LEVEL", "error, warning, info or debug", &args->level_text, NULL },
+    };
+    const program self = {
+        .name = "verge-rsu",
+        .argument = NULL,
+        .text = "The roadside daemon: takes vehicle states from a bus, plans jointly each cycle,\n"
+                "broadcasts a plan for each controlled vehicle.",
+        .options = table,
+        .option_count = sizeof table / sizeof table[0],
+        .usage_status = EXIT_USAGE,
+    };
+    int status = 0;
+    if (!options_parse(&self, argc, argv, NULL, &status)) {
+        args->config_path = NULL;
+        return status;
+    }
+    if (args->config_path == NULL) {
+        return wrong("--config", "missing, see --help");
+    }
+    bool given = false;
+    if (!options_u64(&self, "--cycles", args->cycles_text, &args->cycles, &given)) {
+        return EXIT_USAGE;
+    }
+    if (given && (args->cycles == 0 || args->cycles > INT32_MAX)) {
+        return wrong("--cycles", "is out of range, expected 1 to 2147483647");
+    }
+    log_level level = LOG_INFO;
+    if (args->level_text != NULL && !log_level_from(args->level_text, &level)) {
+        return wrong("--log-level", "is unknown, expected error, warning, info or debug");
+    }
+    log_level_set(level);
+    return 0;
+}
+
+/// Everything but the live daemon: --check-config, --print-config, --replay and a log: for a bus.
+/// True: done, with *status.
+static bool ends_here(const arguments* args, int* status)
+{
+    char error[CONFIG_ERROR_SIZE];
+    config* config = NULL;
+    *status = config_load(&config, args->config_path, error);
+    if (*status != 0) {
+        fprintf(stderr, "%s%s", error, strchr(error, '\n') != NULL ? "" : "\n");
+        return true;
+    }
+    static const char scheme[] = "log:";
+    const bool from_log = strncmp(config->bus, scheme, sizeof scheme - 1) == 0;
+    const char* log_path = args->replay_path != NULL ? args->replay_path
+                           : from_log                ? config->bus + sizeof scheme - 1
+                                                     : NULL;
+    const bool ends = args->check || args->print || log_path != NULL;
+    if (args->print) {
+        config_print(config, stdout);
+    }
+    if (args->check) {
+        *status = check(args, config);
+    } else if (!args->print && log_path != NULL) {
+        *status = run_replay(args, config, log_path);
+    }
+    config_free(config);
+    if (ends && fflush(stdout) != 0 && *status == 0) {
+        *status = EXIT_SOFTWARE;
+    }
+    return ends;
+}
+
+/// Builds the planner and knocks at the bus: what can only be told wrong by trying. A bus that is
+/// not there now is no error of the configuration.
+static int check(const arguments* args, const config* config)
+{
+    char error[CONFIG_ERROR_SIZE];
+    config_planner built;
+    int status = config_planner_build(&built, config, NULL, NULL, error);
+    if (status == 0) {
+        transport* bus = NULL;
+        if (transport_open(&bus, config->bus, TRANSPORT_STATES, error, sizeof error) ==
+            TRANSPORT_BAD_URL) {
+            status = EXIT_CONFIG;
+        }
+        transport_close(bus);
+    }
+    if (status != 0) {
+        fprintf(stderr, "%s:%s\n", args->config_path, error);
+    } else if (!args->print) {
+        config_print_memory(config, stdout);
+    }
+    config_planner_free(&built);
+    return status;
+}
+
+static int run_replay(const arguments* args, const config* config, const char* log_path)
+{
+    char error[CONFIG_ERROR_SIZE];
+    replay_report report;
+    const replay_options options = {
+        .log_path = log_path,
+        .record_path = args->record_path,
+        .out = stdout,
+        .cycles = (int64_t)args->cycles,
+    };
+    const int status = replay_run(&options, config, &report, error);
+    if (status != 0) {
+        fprintf(stderr, "verge-rsu: %s\n", error);
+    }
+    return status;
+}

@@ -1,4 +1,4 @@
-/// Moves of a whole flow, eight vehicles side by side. See flow.h.
+/// Moves of a whole flow, four vehicles side by side. See flow.h.
 
 #include "flow.h"
 
@@ -10,8 +10,8 @@
 // Vectors are passed between static inline functions only; the ABI note does not concern us.
 #pragma GCC diagnostic ignored "-Wpsabi"
 
-typedef float   f8 __attribute__((vector_size(32)));
-typedef int32_t i8v __attribute__((vector_size(32)));
+typedef float   f4 __attribute__((vector_size(16)));
+typedef int32_t i4 __attribute__((vector_size(16)));
 
 #define INLINE static inline __attribute__((always_inline))
 
@@ -31,6 +31,10 @@ static const float centred = 0.3f;
 static const float change_step_s = 1.5f;
 // A lane change is not steeper than one in two (d per s).
 static const float change_slope = 0.5f;
+// A leader this near, and slower than this share of the pace below which steps earn less, is
+// worth a change away from the target. [m], [1]
+static const float overtake_sight = 60.0f;
+static const float overtake_pace = 0.7f;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;
 
@@ -47,35 +51,42 @@ static void  earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, u
 static bool  areas_conflict(const vg_scene* scene, const vg_flow* flow, const float* station1, uint32_t i,
                             uint32_t j);
 
-INLINE f8 splat(float x)
+INLINE f4 splat(float x)
 {
-    return (f8){ x, x, x, x, x, x, x, x };
+    return (f4){ x, x, x, x };
 }
-INLINE f8 load(const float* from)
+INLINE f4 load(const float* from)
 {
-    f8 x;
+    f4 x;
     memcpy(&x, from, sizeof x);
     return x;
 }
-INLINE void store(float* to, f8 x)
+INLINE void store(float* to, f4 x)
 {
     memcpy(to, &x, sizeof x);
 }
-INLINE f8 choose(i8v mask, f8 yes, f8 no)
+INLINE f4 choose(i4 mask, f4 yes, f4 no)
 {
-    return (f8)((mask & (i8v)yes) | (~mask & (i8v)no));
+    return (f4)((mask & (i4)yes) | (~mask & (i4)no));
 }
-INLINE f8 magnitude(f8 x)
+INLINE f4 magnitude(f4 x)
 {
-    return (f8)((i8v)x & 0x7fffffff);
+    return (f4)((i4)x & 0x7fffffff);
 }
-INLINE f8 least(f8 a, f8 b)
+INLINE f4 least(f4 a, f4 b)
 {
     return choose(a < b, a, b);
 }
-INLINE f8 most(f8 a, f8 b)
+INLINE f4 most(f4 a, f4 b)
 {
     return choose(a > b, a, b);
+}
+
+INLINE bool any_of(i4 mask)
+{
+    uint64_t halves[2];
+    memcpy(halves, &mask, sizeof halves);
+    return (halves[0] | halves[1]) != 0;
 }
 
 // ---------------------------------------------------------------------------- scene
@@ -266,26 +277,26 @@ static void renew_sight(const vg_scene* scene, const vg_flow* flow)
     }
 }
 
-// Station of `seen` less that of the eight lookers, on the lookers' axes. [m of station]
-INLINE f8 ahead_by(const vg_scene* scene, float station, f8 lookers, uint32_t seen, uint32_t block)
+// Station of `seen` less that of the four lookers, on the lookers' axes. [m of station]
+INLINE f4 ahead_by(const vg_scene* scene, float station, f4 lookers, uint32_t seen, uint32_t block)
 {
     if (scene->plain) {
         return splat(station) - lookers;
     }
     const vg_sight* sight = scene->sight;
-    f8 ds = splat(station) + load(&sight->offset[seen][block * VG_LANES]) - lookers;
+    f4 ds = splat(station) + load(&sight->offset[seen][block * VG_LANES]) - lookers;
     if (scene->rings) {
-        const f8 period = load(&sight->period[seen][block * VG_LANES]);
-        const f8 half = period * splat(0.5f);
+        const f4 period = load(&sight->period[seen][block * VG_LANES]);
+        const f4 half = period * splat(0.5f);
         ds = choose((ds > half) & (period > splat(0.0f)), ds - period, ds);
         ds = choose((ds < -half) & (period > splat(0.0f)), ds + period, ds);
     }
     return ds;
 }
 
-INLINE f8 left_by(const vg_scene* scene, float y, f8 lookers, uint32_t seen, uint32_t block)
+INLINE f4 left_by(const vg_scene* scene, float y, f4 lookers, uint32_t seen, uint32_t block)
 {
-    const f8 dy = splat(y) - lookers;
+    const f4 dy = splat(y) - lookers;
     return scene->plain ? dy : dy + load(&scene->sight->lateral[seen][block * VG_LANES]);
 }
 
@@ -311,12 +322,12 @@ static void longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_mo
     const float gain = (float)scene->def->acceleration * dt;
     const float loss = (float)scene->def->deceleration * dt;
     for (uint32_t at = 0; at < scene->block_count * VG_LANES; at += VG_LANES) {
-        const f8 v = load(&flow->v[at]);
-        const f8 station = load(&flow->station[at]);
-        const f8 per_metre = splat(1.0f) / load(&flow->rate[at]);
-        const f8 v_dc = most(v - splat(loss), splat(0.0f));
-        const f8 stopping = v * v * splat(0.5f * dt / loss);
-        const f8 way_dc =
+        const f4 v = load(&flow->v[at]);
+        const f4 station = load(&flow->station[at]);
+        const f4 per_metre = splat(1.0f) / load(&flow->rate[at]);
+        const f4 v_dc = most(v - splat(loss), splat(0.0f));
+        const f4 stopping = v * v * splat(0.5f * dt / loss);
+        const f4 way_dc =
             choose(v < splat(loss), stopping, (v + v_dc) * splat(0.5f * dt));
         store(&moves->station[0][at], station + v * splat(dt) * per_metre);
         store(&moves->station[1][at], station + (v + splat(0.5f * gain)) * splat(dt) * per_metre);
@@ -333,29 +344,29 @@ static void lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* 
 {
     const float part = 0.5f * (float)scene->def->step_s / change_step_s;
     for (uint32_t at = 0; at < scene->block_count * VG_LANES; at += VG_LANES) {
-        const f8 d = load(&flow->d[at]);
-        const f8 y = load(&flow->y[at]);
-        const f8 left = load(&flow->left_gap[at]);
-        const f8 right = load(&flow->right_gap[at]);
-        const f8 room = most(most(left, right), splat(3.0f)) * splat(part);
-        const f8 keep = most(least(-d, room), -room);
-        const f8 left_rest = choose(d < splat(-centred), -d, left - d);
-        const f8 right_rest = choose(d > splat(centred), d, right + d);
+        const f4 d = load(&flow->d[at]);
+        const f4 y = load(&flow->y[at]);
+        const f4 left = load(&flow->left_gap[at]);
+        const f4 right = load(&flow->right_gap[at]);
+        const f4 room = most(most(left, right), splat(3.0f)) * splat(part);
+        const f4 keep = most(least(-d, room), -room);
+        const f4 left_rest = choose(d < splat(-centred), -d, left - d);
+        const f4 right_rest = choose(d > splat(centred), d, right + d);
         store(&moves->y[0][at], y + keep);
         store(&moves->y[1][at], y + least(left_rest, room));
         store(&moves->y[2][at], y - least(right_rest, room));
     }
 }
 
-INLINE f8 idm(const verge_planner_def* def, f8 v, f8 desired, f8 gap, f8 v_lead)
+INLINE f4 idm(const verge_planner_def* def, f4 v, f4 desired, f4 gap, f4 v_lead)
 {
-    const f8 closing = v * (v - v_lead) / splat((float)(2.0 * def->idm_comfort));
-    const f8 s0 = splat((float)def->idm_gap);
-    const f8 wanted = most(s0 + v * splat((float)def->idm_headway_s) + closing, s0);
-    const f8 ratio = wanted / most(gap, splat(1.0f));
-    const f8 pace = v / desired;
-    const f8 pace2 = pace * pace;
-    const f8 a = splat((float)def->idm_acceleration)
+    const f4 closing = v * (v - v_lead) / splat((float)(2.0 * def->idm_comfort));
+    const f4 s0 = splat((float)def->idm_gap);
+    const f4 wanted = most(s0 + v * splat((float)def->idm_headway_s) + closing, s0);
+    const f4 ratio = wanted / most(gap, splat(1.0f));
+    const f4 pace = v / desired;
+    const f4 pace2 = pace * pace;
+    const f4 a = splat((float)def->idm_acceleration)
                  * (splat(1.0f) - pace2 * pace2 - ratio * ratio);
     return most(a, splat(-(float)def->idm_braking_max));
 }
@@ -378,14 +389,14 @@ static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, fl
     const uint32_t first = scene->controlled_count / VG_LANES;
     for (uint32_t block = first; block < scene->block_count; ++block) {
         const uint32_t at = block * VG_LANES;
-        const f8 station = load(&flow->station[at]);
-        const f8 y = load(&flow->y[at]);
-        const f8 width = load(&scene->half_width[at]) + splat(path_air);
-        f8 lead = splat(nowhere), lead_v = splat(0.0f), lead_half = splat(0.0f);
+        const f4 station = load(&flow->station[at]);
+        const f4 y = load(&flow->y[at]);
+        const f4 width = load(&scene->half_width[at]) + splat(path_air);
+        f4 lead = splat(nowhere), lead_v = splat(0.0f), lead_half = splat(0.0f);
         for (uint32_t j = 0; j < scene->count; ++j) {
-            const f8 ds = ahead_by(scene, flow->station[j], station, j, block);
-            const f8 dy = left_by(scene, flow->y[j], y, j, block);
-            i8v in = magnitude(dy) < width + splat(scene->half_width[j]);
+            const f4 ds = ahead_by(scene, flow->station[j], station, j, block);
+            const f4 dy = left_by(scene, flow->y[j], y, j, block);
+            i4 in = magnitude(dy) < width + splat(scene->half_width[j]);
             in &= (ds > splat(0.0f)) & (ds < lead);
             if (!scene->plain) {
                 in &= station > load(&scene->sight->touch[j][at]) - splat(merge_sight);
@@ -394,15 +405,15 @@ static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, fl
             lead_v = choose(in, splat(flow->v[j]), lead_v);
             lead_half = choose(in, splat(scene->half_length[j]), lead_half);
         }
-        const f8 rate = load(&flow->rate[at]);
-        const f8 v = load(&flow->v[at]);
-        const f8 gap = lead * rate - lead_half - load(&scene->half_length[at]);
-        const f8 free_road = lead > splat(0.5f * nowhere);
-        const f8 a = idm(scene->def, v, load(&scene->cruise[at]), gap,
-                         choose((i8v)free_road, v, lead_v));
-        const f8 v1 = most(v + a * splat(dt), splat(0.0f));
-        const f8 way = (v + v1) * splat(0.5f * dt);
-        const i8v human = load(&scene->self[at]) >= splat((float)scene->controlled_count);
+        const f4 rate = load(&flow->rate[at]);
+        const f4 v = load(&flow->v[at]);
+        const f4 gap = lead * rate - lead_half - load(&scene->half_length[at]);
+        const f4 free_road = lead > splat(0.5f * nowhere);
+        const f4 a = idm(scene->def, v, load(&scene->cruise[at]), gap,
+                         choose((i4)free_road, v, lead_v));
+        const f4 v1 = most(v + a * splat(dt), splat(0.0f));
+        const f4 way = (v + v1) * splat(0.5f * dt);
+        const i4 human = load(&scene->self[at]) >= splat((float)scene->controlled_count);
         store(&station_to[at], choose(human, station + way / rate, load(&station_to[at])));
         store(&v_to[at], choose(human, v1, load(&v_to[at])));
         store(&y_to[at], choose(human, y, load(&y_to[at])));
@@ -411,38 +422,42 @@ static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, fl
 
 // Nearest vehicles ahead and behind in the path of one lateral option.
 typedef struct window {
-    f8 y;
-    f8 lead, lead_v, lead_half;
-    f8 back, back_v, back_half;
+    f4 y;          // of the one who looks
+    f4 gap_l, v_l; // [m] from its centre to the leader's tail, [m/s]
+    f4 gap_f, v_f; // [m] from its centre to the follower's nose, [m/s]
 } window;
 
-INLINE void look(window* w, f8 ds, f8 yj, i8v may, f8 width, float v, float half)
+// ds: metres ahead, centre to centre.
+INLINE void look(window* w, f4 ds, f4 yj, i4 may, f4 width, float v, float half)
 {
-    const i8v in = may & (magnitude(yj - w->y) < width);
-    const i8v ahead = in & (ds > splat(0.0f)) & (ds < w->lead);
-    const i8v behind = in & (ds <= splat(0.0f)) & (ds > w->back);
-    w->lead = choose(ahead, ds, w->lead);
-    w->lead_v = choose(ahead, splat(v), w->lead_v);
-    w->lead_half = choose(ahead, splat(half), w->lead_half);
-    w->back = choose(behind, ds, w->back);
-    w->back_v = choose(behind, splat(v), w->back_v);
-    w->back_half = choose(behind, splat(half), w->back_half);
+    const i4 in = may & (magnitude(yj - w->y) < width);
+    const i4 fore = ds > splat(0.0f);
+    const f4 gap = magnitude(ds) - splat(half);
+    const i4 ahead = in & fore & (gap < w->gap_l);
+    const i4 behind = in & ~fore & (gap < w->gap_f);
+    w->gap_l = choose(ahead, gap, w->gap_l);
+    w->v_l = choose(ahead, splat(v), w->v_l);
+    w->gap_f = choose(behind, gap, w->gap_f);
+    w->v_f = choose(behind, splat(v), w->v_f);
 }
 
-// Eq. 3: how far a new speed lies inside the window, > = 0 if it holds. Two margins: to the
+// Eq. 3: how far a new speed lies inside the window, >= 0 if it holds. Two margins: to the
 // leader (upper bounds) and to the follower (lower bound). `way`: metres beyond KS.
 typedef struct margins {
-    f8 upper, lower;
+    f4 upper, lower;
 } margins;
 
-INLINE margins margins_of(const verge_planner_def* def, const window* w, f8 rate, f8 half, f8 v, f8 way)
+INLINE margins margins_of(const verge_planner_def* def, const window* w, f4 half, f4 v, f4 way)
 {
-    const f8 tau = splat((float)def->reaction_s);
-    const f8 mth = splat((float)def->headway_s);
-    const f8 gap_l = w->lead * rate - half - w->lead_half - way;
-    const f8 gap_f = -w->back * rate - half - w->back_half + way;
-    const f8 upper = least((mth * w->lead_v + gap_l) / (tau + mth), gap_l / tau);
-    const f8 lower = w->back_v - (gap_f - tau * w->back_v) / mth;
+    const f4 tau = splat((float)def->reaction_s);
+    const f4 mth = splat((float)def->headway_s);
+    const f4 per_reaction = splat(1.0f / (float)def->reaction_s);
+    const f4 per_headway = splat(1.0f / (float)def->headway_s);
+    const f4 per_both = splat(1.0f / (float)(def->reaction_s + def->headway_s));
+    const f4 gap_l = w->gap_l - half - way;
+    const f4 gap_f = w->gap_f - half + way;
+    const f4 upper = least((mth * w->v_l + gap_l) * per_both, gap_l * per_reaction);
+    const f4 lower = w->v_f - (gap_f - tau * w->v_f) * per_headway;
     return (margins){ upper - v, v - lower };
 }
 
@@ -453,7 +468,7 @@ static float dead_end_ahead(const vg_scene* scene, const vg_flow* flow, uint32_t
     return lane->dead_end ? (float)lane->station_end - station : nowhere;
 }
 
-INLINE uint32_t bits_of(i8v mask, uint32_t lane)
+INLINE uint32_t bits_of(i4 mask, uint32_t lane)
 {
     return mask[lane] != 0 ? 1u : 0u;
 }
@@ -474,91 +489,121 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     const verge_road* road = scene->road;
     const uint32_t lane = (uint32_t)flow->lane[slot];
     const float d = flow->d[slot];
+    const float left_gap = flow->left_gap[slot], right_gap = flow->right_gap[slot];
+    const float room = left_gap > right_gap ? left_gap : right_gap;
+    const float width = room > 0.0f ? room : 3.0f;
+    if (flow->v[slot] * change_step_s * change_slope < 0.5f * width) {
+        return 0; // too slow to get across
+    }
     const bool finish_left = d < -centred;
     const bool finish_right = d > centred;
-    bool left = finish_left || flow->left_gap[slot] > 0.0f;
-    bool right = finish_right || flow->right_gap[slot] > 0.0f;
+    bool left = finish_left || left_gap > 0.0f;
+    bool right = finish_right || right_gap > 0.0f;
     const int32_t target = scene->target[slot];
     const int8_t way = target < 0 ? 0 : road->move[lane * road->lane_count + (uint32_t)target];
-    const uint32_t in_block = slot % VG_LANES;
-    const bool overtake = keep->lead[in_block] < 60.0f
-                          && keep->lead_v[in_block] < 0.7f * scene->limit_share[lane];
+    const bool overtake = keep->gap_l[slot % VG_LANES] < overtake_sight
+                          && keep->v_l[slot % VG_LANES] < overtake_pace * scene->limit_share[lane];
     if (!overtake) {
         left = left && (way > 0 || finish_left);
         right = right && (way < 0 || finish_right);
     }
-    const float room = most(splat(flow->left_gap[slot]), splat(flow->right_gap[slot]))[0];
-    const float width = room > 0.0f ? room : 3.0f;
-    const bool fast = flow->v[slot] * change_step_s * change_slope >= 0.5f * width;
-    return fast ? (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u)
-                : 0u;
+    return (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u);
 }
 
-static void open_window(window* w, f8 y)
+// What is in the path of up to two lateral options of four vehicles at t + 1: everyone's
+// neighbours are taken at the same instant as the new state, planned ones at their present speed.
+INLINE void look_round(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
+                       uint32_t block, window* first, window* second)
 {
-    *w = (window){ .y = y, .lead = splat(nowhere), .back = splat(-nowhere) };
-}
-
-// The single pruning of section 3.1.3 for eight vehicles: everyone's neighbours are taken at the
-// same instant as the new state, t + 1, planned ones at their present speed.
-static void speed_windows(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t block)
-{
-    const verge_planner_def* def = scene->def;
     const uint32_t at = block * VG_LANES;
-    const f8 station = load(&moves->station[0][at]);
-    const f8 now = load(&flow->station[at]);
-    const f8 half_width = load(&scene->half_width[at]) + splat(path_air);
-    const f8 self = load(&scene->self[at]);
-    window keep, left, right;
-    open_window(&keep, load(&moves->y[0][at]));
-    open_window(&left, load(&moves->y[1][at]));
-    open_window(&right, load(&moves->y[2][at]));
-    for (uint32_t lane = 0; lane < VG_LANES && at + lane < scene->controlled_count; ++lane) {
-        keep.lead[lane] = dead_end_ahead(scene, flow, at + lane, station[lane]);
-    }
+    const f4 station = load(&moves->station[0][at]);
+    const f4 now = load(&flow->station[at]);
+    const f4 rate = load(&flow->rate[at]);
+    const f4 half_width = load(&scene->half_width[at]) + splat(path_air);
+    const f4 self = load(&scene->self[at]);
     for (uint32_t j = 0; j < scene->count; ++j) {
-        const f8 ds = ahead_by(scene, moves->station[0][j], station, j, block);
-        f8 yj = splat(flow->y[j]);
-        i8v may = self != splat((float)j);
+        const f4 ds = ahead_by(scene, moves->station[0][j], station, j, block) * rate;
+        f4 yj = splat(flow->y[j]);
+        i4 may = self != splat((float)j);
         if (!scene->plain) {
             yj += load(&scene->sight->lateral[j][at]);
             may &= now > load(&scene->sight->touch[j][at]) - splat(merge_sight);
         }
-        const f8 width = half_width + splat(scene->half_width[j]);
-        look(&keep, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
-        look(&left, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
-        look(&right, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
+        const f4 width = half_width + splat(scene->half_width[j]);
+        look(first, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
+        if (second != NULL) {
+            look(second, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
+        }
     }
-    const f8 rate = load(&flow->rate[at]);
-    const f8 half = load(&scene->half_length[at]);
-    const f8 v = load(&flow->v[at]);
-    const f8 v_ac = load(&moves->v[1][at]);
-    const f8 zero = splat(0.0f);
-    const margins ks = margins_of(def, &keep, rate, half, v, zero);
-    const margins ac = margins_of(def, &keep, rate, half, v_ac,
-                                  (load(&moves->station[1][at]) - station) * rate);
-    const margins dc = margins_of(def, &keep, rate, half, load(&moves->v[2][at]),
+}
+
+static window open_window(f4 y)
+{
+    return (window){ .y = y, .gap_l = splat(nowhere), .gap_f = splat(nowhere) };
+}
+
+// Which of four vehicles' changes fit the window on both sides of the border.
+static uint32_t changes_that_fit(const vg_scene* scene, const vg_flow* flow, uint32_t block, uint32_t lane,
+                                 const window* left, const window* right)
+{
+    const uint32_t at = block * VG_LANES;
+    const f4 half = load(&scene->half_length[at]);
+    const f4 v = load(&flow->v[at]);
+    const margins lcl = margins_of(scene->def, left, half, v, splat(0.0f));
+    const margins lcr = margins_of(scene->def, right, half, v, splat(0.0f));
+    return (lcl.upper[lane] >= 0.0f && lcl.lower[lane] >= 0.0f ? 1u << VERGE_CHANGE_LEFT : 0u)
+           | (lcr.upper[lane] >= 0.0f && lcr.lower[lane] >= 0.0f ? 1u << VERGE_CHANGE_RIGHT : 0u);
+}
+
+// The single pruning of section 3.1.3 for four vehicles.
+static void speed_windows(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t block)
+{
+    const verge_planner_def* def = scene->def;
+    const uint32_t at = block * VG_LANES;
+    const uint32_t here = scene->controlled_count - at < VG_LANES ? scene->controlled_count - at
+                                                                  : VG_LANES;
+    const f4 station = load(&moves->station[0][at]);
+    window keep = open_window(load(&moves->y[0][at]));
+    for (uint32_t lane = 0; lane < here; ++lane) {
+        keep.gap_l[lane] = dead_end_ahead(scene, flow, at + lane, station[lane]);
+    }
+    look_round(scene, flow, moves, block, &keep, NULL);
+    const f4 rate = load(&flow->rate[at]);
+    const f4 half = load(&scene->half_length[at]);
+    const f4 v = load(&flow->v[at]);
+    const f4 v_ac = load(&moves->v[1][at]);
+    const f4 zero = splat(0.0f);
+    const margins ks = margins_of(def, &keep, half, v, zero);
+    const margins ac =
+        margins_of(def, &keep, half, v_ac, (load(&moves->station[1][at]) - station) * rate);
+    const margins dc = margins_of(def, &keep, half, load(&moves->v[2][at]),
                                   (load(&moves->station[2][at]) - station) * rate);
-    const margins lcl = margins_of(def, &left, rate, half, v, zero);
-    const margins lcr = margins_of(def, &right, rate, half, v, zero);
-    const i8v ok_ks = (ks.upper >= zero) & (ks.lower >= zero);
-    const i8v ok_ac = (ac.upper >= zero) & (ac.lower >= zero);
-    const i8v ok_dc = (dc.upper >= zero) & (dc.lower >= zero) & (v > zero);
-    const i8v ok_lcl = (lcl.upper >= zero) & (lcl.lower >= zero);
-    const i8v ok_lcr = (lcr.upper >= zero) & (lcr.lower >= zero);
-    for (uint32_t lane = 0; lane < VG_LANES && at + lane < scene->controlled_count; ++lane) {
-        const uint32_t slot = at + lane;
-        const float limit = scene->limit[flow->lane[slot]];
+    uint32_t wanted[VG_LANES], any = 0;
+    for (uint32_t lane = 0; lane < here; ++lane) {
+        any |= wanted[lane] = changes_allowed(scene, flow, &keep, at + lane);
+    }
+    window left = keep, right = keep;
+    if (any != 0) { // most states of a simulation want no change: half of the work is saved here
+        left = open_window(load(&moves->y[1][at]));
+        right = open_window(load(&moves->y[2][at]));
+        look_round(scene, flow, moves, block, &left, &right);
+    }
+    const i4 ok_ks = (ks.upper >= zero) & (ks.lower >= zero);
+    const i4 ok_ac = (ac.upper >= zero) & (ac.lower >= zero);
+    const i4 ok_dc = (dc.upper >= zero) & (dc.lower >= zero) & (v > zero);
+    for (uint32_t lane = 0; lane < here; ++lane) {
+        const bool may_gain = v_ac[lane] <= scene->limit[flow->lane[at + lane]];
         uint32_t legal = bits_of(ok_ks, lane) << VERGE_KEEP_SPEED
                          | bits_of(ok_dc, lane) << VERGE_DECELERATE
-                         | bits_of(ok_ac & (v_ac <= splat(limit)), lane) << VERGE_ACCELERATE;
+                         | (may_gain ? bits_of(ok_ac, lane) << VERGE_ACCELERATE : 0u);
         if (legal == 0) {
             legal = least_harm(ks, ac, dc, lane);
         }
-        const uint32_t fits = bits_of(ok_lcl, lane) << VERGE_CHANGE_LEFT
-                              | bits_of(ok_lcr, lane) << VERGE_CHANGE_RIGHT;
-        legal |= fits & changes_allowed(scene, flow, &keep, slot);
-        moves->legal[slot] = (uint8_t)legal;
+        if (wanted[lane] != 0) {
+            legal |= wanted[lane]
+                     & changes_that_fit(scene, flow, block, lane, &left, &right);
+        }
+        moves->legal[at + lane] = (uint8_t)legal;
     }
 }
 
@@ -583,30 +628,34 @@ static void choose_moves(const vg_scene* scene, const vg_moves* moves, const uin
     }
 }
 
-// Do the ways of eight vehicles and vehicle j come too close between the two instants? Relative
+// Do the ways of four vehicles and vehicle j come too close between the two instants? Relative
 // motion is linear; at three instants of a step no body passes another unseen below 30 m/s.
-INLINE i8v too_close(const vg_scene* scene, const vg_flow* flow, const chosen* to, uint32_t block, uint32_t j)
+INLINE i4 too_close(const vg_scene* scene, const vg_flow* flow, const chosen* to, uint32_t block, uint32_t j)
 {
     const uint32_t at = block * VG_LANES;
-    const f8 rate = load(&flow->rate[at]);
-    const f8 ds0 = ahead_by(scene, flow->station[j], load(&flow->station[at]), j, block) * rate;
-    const f8 ds1 = ahead_by(scene, to->station[j], load(&to->station[at]), j, block) * rate;
-    const f8 dy0 = left_by(scene, flow->y[j], load(&flow->y[at]), j, block);
-    const f8 dy1 = left_by(scene, to->y[j], load(&to->y[at]), j, block);
-    const f8 length = load(&scene->half_length[at]) + splat(scene->half_length[j]);
-    const f8 width = load(&scene->half_width[at]) + splat(scene->half_width[j]);
-    const f8 ex = length + splat(joint_air_along);
-    const f8 ey = width + splat(joint_air_across);
-    const i8v inside0 = (magnitude(ds0) < ex) & (magnitude(dy0) < ey);
-    i8v hit = (magnitude(ds1) < ex) & (magnitude(dy1) < ey);
+    const f4 rate = load(&flow->rate[at]);
+    const f4 ds0 = ahead_by(scene, flow->station[j], load(&flow->station[at]), j, block) * rate;
+    const f4 ds1 = ahead_by(scene, to->station[j], load(&to->station[at]), j, block) * rate;
+    const f4 length = load(&scene->half_length[at]) + splat(scene->half_length[j]);
+    const f4 ex = length + splat(joint_air_along);
+    const i4 passing = (ds0 > splat(0.0f)) ^ (ds1 > splat(0.0f));
+    if (!any_of((magnitude(ds0) < ex) | (magnitude(ds1) < ex) | passing)) {
+        return passing; // far apart all the way: none
+    }
+    const f4 dy0 = left_by(scene, flow->y[j], load(&flow->y[at]), j, block);
+    const f4 dy1 = left_by(scene, to->y[j], load(&to->y[at]), j, block);
+    const f4 width = load(&scene->half_width[at]) + splat(scene->half_width[j]);
+    const f4 ey = width + splat(joint_air_across);
+    const i4 inside0 = (magnitude(ds0) < ex) & (magnitude(dy0) < ey);
+    i4 hit = (magnitude(ds1) < ex) & (magnitude(dy1) < ey);
     for (uint32_t k = 1; k <= 2; ++k) {
-        const f8 t = splat((float)k / 3.0f);
-        const f8 ds = ds0 + t * (ds1 - ds0);
-        const f8 dy = dy0 + t * (dy1 - dy0);
+        const f4 t = splat((float)k / 3.0f);
+        const f4 ds = ds0 + t * (ds1 - ds0);
+        const f4 dy = dy0 + t * (dy1 - dy0);
         hit |= (magnitude(ds) < ex) & (magnitude(dy) < ey);
     }
     // Already inside the margin: only what ends in contact, nearer than before, is a conflict.
-    const i8v contact = (magnitude(ds1) < length) & (magnitude(dy1) < width)
+    const i4 contact = (magnitude(ds1) < length) & (magnitude(dy1) < width)
                         & (magnitude(ds1) <= magnitude(ds0)) & (magnitude(dy1) <= magnitude(dy0));
     hit = (inside0 & contact) | (~inside0 & hit);
     if (!scene->plain) {
@@ -622,7 +671,7 @@ uint32_t vg_flow_conflicts(const vg_scene* scene, const vg_flow* flow, const vg_
     choose_moves(scene, moves, actions, &to);
     uint32_t conflicts = 0;
     for (uint32_t block = 0; block * VG_LANES < scene->controlled_count; ++block) {
-        i8v hit = (i8v){ 0 };
+        i4 hit = (i4){ 0 };
         for (uint32_t j = 0; j < scene->count; ++j) {
             hit |= too_close(scene, flow, &to, block, j);
         }
@@ -710,8 +759,8 @@ void vg_flow_neighbours(const vg_scene* scene, const vg_flow* flow, uint32_t slo
                         int32_t* behind)
 {
     const uint32_t block = slot / VG_LANES, lane = slot % VG_LANES;
-    const f8 station = load(&flow->station[block * VG_LANES]);
-    const f8 y = load(&flow->y[block * VG_LANES]);
+    const f4 station = load(&flow->station[block * VG_LANES]);
+    const f4 y = load(&flow->y[block * VG_LANES]);
     float lead = 0.1f * nowhere, back = -0.1f * nowhere;
     *ahead = *behind = -1;
     if (!scene->plain) {

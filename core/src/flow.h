@@ -5,7 +5,7 @@
 /// pruning of single and joint actions (section 3.1.3) and the three parts of R_i (3.1.4).
 ///
 /// Layout      Structure of arrays, eight vehicles a vector, the vehicles planned first. Every
-///             query ("who is ahead?") runs over the others one by one with eight askers side by
+///             query ("who is ahead?") runs over the others one by one with four askers side by
 ///             side, so that it ends without a search: the asker's lane of the vector holds the
 ///             answer. Element-wise arithmetic only: the same bits on every machine.
 /// Cost        One step of 8 vehicles, 4 of them planned: see tools in README, verge-bench.
@@ -22,8 +22,8 @@
 extern "C" {
 #endif
 
-#define VG_LANES 8u ///< vehicles in a vector
-#define VG_ALIGNED __attribute__((aligned(32)))
+#define VG_LANES 4u ///< vehicles in a vector: what SSE2 and NEON hold; wider ones gcc 12 splits badly
+#define VG_ALIGNED __attribute__((aligned(16)))
 
 static_assert(VERGE_VEHICLES_MAX % VG_LANES == 0, "whole vectors of vehicles");
 static_assert(VERGE_VEHICLES_MAX <= 64 && VERGE_LANES_MAX <= 64, "sets are 64-bit masks");

@@ -269,9 +269,13 @@ static int32_t uct_child(const search* self, const vg_metanode* node)
     return best;
 }
 
+// Sets of five actions have 32 values; a table needs no instruction that not every machine has.
 static uint32_t size_of(uint8_t set)
 {
-    return (uint32_t)__builtin_popcount(set);
+    static const uint8_t sizes[1u << VERGE_ACTION_COUNT] = { 0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2,
+                                                             3, 2, 3, 3, 4, 1, 2, 2, 3, 2, 3,
+                                                             3, 4, 2, 3, 3, 4, 3, 4, 4, 5 };
+    return sizes[set & 31u];
 }
 
 static uint8_t member_of(uint8_t set, uint32_t index)

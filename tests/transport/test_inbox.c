@@ -1,0 +1,408 @@
+/// Goal: the inbox accepts what is new, timely, sane and possible, tells each refusal apart, and
+///       gives the planner every vehicle at one instant, by age.
+/// Method: each rule at its exact border; then floods of random good and bad states, where a
+///         refused one must leave no trace but its counter.
+#include "check.h"
+#include "rng.h"
+#include "verge/inbox.h"
+
+#include <math.h>
+
+static const int64_t start = 1700000000000000; // [us] any instant
+enum { MS = 1000 };
+
+static inbox      box;
+static inbox_view view;
+
+static int fresh_inbox(void** state)
+{
+    (void)state;
+    const inbox_limits limits = inbox_default_limits();
+    inbox_init(&box, &limits, VERGE_VEHICLES_MAX, VERGE_CONTROLLED_MAX);
+    return 0;
+}
+
+static verge_vehicle_state_t car(int32_t id, int64_t utime)
+{
+    return (verge_vehicle_state_t){
+        .utime = utime, .vehicle_id = id, .controlled = 1, .x = 10.0 * id, .y = 1.0,
+        .speed = 10.0f, .yaw_rate = NAN, .length = 5.0f, .width = 2.0f, .position_sigma = NAN,
+        .target_lane = -1, .habit = 1, .cooperation = NAN, .followed_cycle = -1,
+    };
+}
+
+static inbox_verdict offer(verge_vehicle_state_t state, int64_t now)
+{
+    return inbox_offer(&box, &state, now, NULL);
+}
+
+static uint64_t refusals(const inbox_counters* c)
+{
+    return c->rx_stale + c->rx_future + c->rx_duplicate + c->rx_out_of_order + c->rx_out_of_range +
+           c->rx_off_map + c->rx_over_capacity + c->rx_id_conflict;
+}
+
+// ---------------------------------------------------------------- what gets in
+
+static void test_a_state_40_ms_ahead_is_accepted_and_one_more_is_not(void** state)
+{
+    (void)state;
+    assert_int_equal(offer(car(1, start + 40 * MS), start), INBOX_ACCEPTED);
+    assert_int_equal(offer(car(2, start + 40 * MS + 1), start), INBOX_FUTURE);
+    assert_int_equal(box.counters.rx_accepted, 1);
+    assert_int_equal(box.counters.rx_future, 1);
+}
+
+static void test_a_state_2_s_old_is_accepted_and_one_older_is_stale(void** state)
+{
+    (void)state;
+    assert_int_equal(offer(car(1, start - 2000 * MS), start), INBOX_ACCEPTED);
+    assert_int_equal(offer(car(2, start - 2000 * MS - 1), start), INBOX_STALE);
+    assert_int_equal(box.counters.rx_stale, 1);
+}
+
+static void test_duplicate_and_older_states_are_told_apart(void** state)
+{
+    (void)state;
+    verge_vehicle_state_t again = car(1, start);
+    again.sequence = 5; // sent again, same fix
+    assert_int_equal(offer(car(1, start), start), INBOX_ACCEPTED);
+    assert_int_equal(offer(car(1, start), start), INBOX_DUPLICATE);
+    assert_int_equal(offer(again, start), INBOX_DUPLICATE);
+    assert_int_equal(offer(car(1, start - 1), start), INBOX_OUT_OF_ORDER);
+    assert_int_equal(offer(car(1, start + 1), start), INBOX_ACCEPTED);
+    assert_int_equal(box.counters.rx_duplicate, 2);
+    assert_int_equal(box.counters.rx_out_of_order, 1);
+}
+
+static void test_two_senders_with_one_id_are_noticed_and_the_first_stays(void** state)
+{
+    (void)state;
+    verge_vehicle_state_t other = car(1, start);
+    other.x += 0.5;
+    assert_int_equal(offer(car(1, start), start), INBOX_ACCEPTED);
+    assert_int_equal(offer(other, start), INBOX_ID_CONFLICT); // same instant, another place
+
+    other.utime = start + 100 * MS; // 10 m/s for 0.1 s and 10 m of tolerance: 11 m
+    other.x = 10.0 + 11.0 + 0.001;
+    assert_int_equal(offer(other, start + 100 * MS), INBOX_ID_CONFLICT);
+    other.x = 10.0 + 11.0 - 0.001;
+    assert_int_equal(offer(other, start + 100 * MS), INBOX_ACCEPTED);
+
+    // Once the first has been silent for longer than drop_ms the id is free for anyone.
+    other.utime = start + 2101 * MS;
+    other.x = 900.0;
+    assert_int_equal(offer(other, other.utime), INBOX_ACCEPTED);
+    assert_int_equal(box.counters.rx_id_conflict, 2);
+}
+
+static void test_out_of_range_comes_before_everything_else(void** state)
+{
+    (void)state;
+    verge_vehicle_state_t bad = car(1, start + 3600000000);
+    bad.speed = NAN;
+    assert_int_equal(offer(bad, start), INBOX_OUT_OF_RANGE);
+    assert_string_equal(box.fault_field, "speed");
+    assert_int_equal(box.counters.rx_future, 0);
+}
+
+static void test_a_full_table_takes_known_vehicles_and_replaces_forgotten_ones(void** state)
+{
+    (void)state;
+    for (int32_t id = 0; id < VERGE_VEHICLES_MAX; ++id) {
+        assert_int_equal(offer(car(id, start + id), start + id), INBOX_ACCEPTED);
+    }
+    assert_int_equal(offer(car(100, start + 100), start + 100), INBOX_OVER_CAPACITY);
+    assert_int_equal(offer(car(5, start + 200), start + 200), INBOX_ACCEPTED);
+
+    const int64_t border = start + 2000 * MS; // vehicle 0 is exactly 2 s old, then older
+    assert_int_equal(offer(car(100, border), border), INBOX_OVER_CAPACITY);
+    assert_int_equal(offer(car(100, border + 1), border + 1), INBOX_ACCEPTED);
+    assert_int_equal(offer(car(101, border + 1), border + 1), INBOX_OVER_CAPACITY);
+    assert_int_equal(box.counters.rx_over_capacity, 3);
+
+    inbox_snapshot(&box, border + 1, &view);
+    assert_int_equal(view.count, VERGE_VEHICLES_MAX);
+    assert_int_equal(view.vehicles[0].id, 1);
+    assert_int_equal(view.vehicles[view.count - 1].id, 100);
+}
+
+// ---------------------------------------------------------------- ages
+
+static void check_class(int64_t age_us, bool present, bool controlled, double margin)
+{
+    fresh_inbox(NULL);
+    assert_int_equal(offer(car(1, start), start), INBOX_ACCEPTED);
+    inbox_snapshot(&box, start + age_us, &view);
+    assert_int_equal(view.count, present);
+    if (present) {
+        assert_int_equal(view.vehicles[0].controlled, controlled);
+        CHECK_NEAR(view.vehicles[0].margin, margin, 0.0);
+        CHECK_NEAR(view.vehicles[0].x, 10.0 + 10.0 * (double)age_us / 1e6, 1e-9);
+        assert_int_equal(view.controlled_count, controlled);
+        assert_true(view.state_utime[0] == start);
+    }
+}
+
+static void test_ages_have_their_classes_at_the_exact_borders(void** state)
+{
+    (void)state;
+    check_class(0, true, true, 0.0);
+    check_class(-40 * MS, true, true, 0.0);
+    check_class(300 * MS, true, true, 0.0);
+    check_class(300 * MS + 1, true, false, 0.5);
+    check_class(1000 * MS, true, false, 0.5);
+    check_class(1000 * MS + 1, true, false, 1.0);
+    check_class(2000 * MS, true, false, 1.0);
+    check_class(2000 * MS + 1, false, false, 0.0);
+}
+
+static void test_a_cancellation_is_told_exactly_once(void** state)
+{
+    (void)state;
+    offer(car(1, start), start);
+    offer(car(2, start), start);
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.controlled_count, 2);
+    assert_int_equal(view.cancelled_count, 0);
+
+    offer(car(2, start + 400 * MS), start + 400 * MS);
+    inbox_snapshot(&box, start + 400 * MS, &view);
+    assert_int_equal(view.cancelled_count, 1);
+    assert_int_equal(view.cancelled[0], 1);
+    inbox_snapshot(&box, start + 450 * MS, &view);
+    assert_int_equal(view.cancelled_count, 0);
+
+    // Silent from planned to forgotten between two snapshots: it is still told.
+    inbox_snapshot(&box, start + 5000 * MS, &view);
+    assert_int_equal(view.count, 0);
+    assert_int_equal(view.cancelled_count, 1);
+    assert_int_equal(view.cancelled[0], 2);
+
+    // Comes back, then no longer asks to be planned.
+    offer(car(1, start + 6000 * MS), start + 6000 * MS);
+    inbox_snapshot(&box, start + 6000 * MS, &view);
+    verge_vehicle_state_t human = car(1, start + 6100 * MS);
+    human.controlled = 0;
+    offer(human, start + 6100 * MS);
+    inbox_snapshot(&box, start + 6100 * MS, &view);
+    assert_int_equal(view.count, 1);
+    assert_int_equal(view.cancelled_count, 1);
+}
+
+static void test_surplus_vehicles_are_obstacles_and_the_planned_keep_their_places(void** state)
+{
+    (void)state;
+    for (int32_t id = 100; id < 100 + VERGE_CONTROLLED_MAX; ++id) {
+        offer(car(id, start), start);
+    }
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.controlled_count, VERGE_CONTROLLED_MAX);
+
+    offer(car(1, start), start); // a lower id does not push anyone out
+    inbox_snapshot(&box, start + 10 * MS, &view);
+    assert_int_equal(view.count, VERGE_CONTROLLED_MAX + 1);
+    assert_int_equal(view.controlled_count, VERGE_CONTROLLED_MAX);
+    assert_int_equal(view.cancelled_count, 0);
+    assert_int_equal(view.vehicles[0].id, 1);
+    assert_false(view.vehicles[0].controlled);
+}
+
+// ---------------------------------------------------------------- projection
+
+/// The same motion in ten thousand small steps.
+static void drive(verge_vehicle* v, double dt)
+{
+    const int    steps = 10000;
+    const double h = dt / steps;
+    const bool   turns = isfinite(v->yaw_rate) && v->speed >= 2.0;
+    for (int i = 0; i < steps && v->speed > 0.0; ++i) {
+        const double speed = fmax(0.0, v->speed + v->acceleration * h);
+        v->x += 0.5 * (v->speed + speed) * h * cos(v->heading);
+        v->y += 0.5 * (v->speed + speed) * h * sin(v->heading);
+        v->heading += turns ? v->yaw_rate * h : 0.0;
+        v->speed = speed;
+    }
+}
+
+static void test_projection_agrees_with_driving_in_small_steps(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("projection");
+    for (uint32_t i = 0; i < test_rounds(300); ++i) {
+        verge_vehicle v = { 0 };
+        v.heading = test_rng_between(&rng, -3.0, 3.0);
+        v.speed = test_rng_between(&rng, 0.0, 30.0);
+        v.acceleration = test_rng_between(&rng, -8.0, 4.0);
+        v.yaw_rate = i % 4 == 0 ? (double)NAN : test_rng_between(&rng, -0.4, 0.4);
+        const double  dt = test_rng_between(&rng, 0.0, 0.3);
+        verge_vehicle slow = v;
+
+        inbox_project(&v, dt);
+        drive(&slow, dt);
+
+        CHECK_NEAR(v.x, slow.x, 0.02); // arc and chord, speed that changes within a turn
+        CHECK_NEAR(v.y, slow.y, 0.02);
+        CHECK_NEAR(v.speed, slow.speed, 1e-6);
+        CHECK_NEAR(remainder(v.heading - slow.heading, 6.283185307179586), 0.0, 1e-4);
+    }
+}
+
+static void test_a_braking_vehicle_stops_and_stays(void** state)
+{
+    (void)state;
+    verge_vehicle v = { .speed = 4.0, .acceleration = -8.0, .yaw_rate = NAN };
+    inbox_project(&v, 2.0);
+    CHECK_NEAR(v.x, 1.0, 1e-12); // v^2 / 2a
+    CHECK_NEAR(v.speed, 0.0, 0.0);
+    CHECK_NEAR(v.acceleration, 0.0, 0.0);
+
+    verge_vehicle standing = { .speed = 0.0, .acceleration = -3.0, .yaw_rate = 1.0 };
+    inbox_project(&standing, 2.0);
+    CHECK_NEAR(standing.x, 0.0, 0.0);
+    CHECK_NEAR(standing.heading, 0.0, 0.0);
+}
+
+static void test_no_projection_is_faster_than_a_car(void** state)
+{
+    (void)state;
+    verge_vehicle v = { .speed = 45.0, .acceleration = 20.0, .yaw_rate = NAN };
+    inbox_project(&v, 2.0);
+    CHECK_NEAR(v.speed, VERGE_SPEED_MAX, 0.0);
+}
+
+// ---------------------------------------------------------------- isolation
+
+static verge_vehicle_state_t spoiled(test_rng* rng, verge_vehicle_state_t s, int64_t now)
+{
+    switch (test_rng_below(rng, 8)) {
+    case 0: s.x = NAN; break;
+    case 1: s.speed = -1.0f; break;
+    case 2: s.heading = INFINITY; break;
+    case 3: s.utime = now + 41 * MS; break;
+    case 4: s.utime = now - 2001 * MS; break;
+    case 5: s.x += 500.0; break;
+    case 6: s.length = 0.0f; break;
+    default: s.vehicle_id = -3; break;
+    }
+    return s;
+}
+
+static void test_refused_states_leave_no_trace_but_their_counter(void** state)
+{
+    (void)state;
+    test_rng   rng = test_rng_seeded("isolation");
+    static inbox clean; // is offered the good ones only
+    clean = box;
+    int64_t  now = start;
+    uint64_t bad = 0;
+    for (uint32_t round = 0; round < test_rounds(2000); ++round) {
+        now += 20 * MS;
+        verge_vehicle_state_t good = car((int32_t)(round % 5), now);
+        good.x += 0.01 * round;
+        assert_int_equal(offer(good, now), INBOX_ACCEPTED);
+        assert_int_equal(inbox_offer(&clean, &good, now, NULL), INBOX_ACCEPTED);
+        const inbox_verdict verdict = offer(spoiled(&rng, good, now), now);
+        assert_int_not_equal(verdict, INBOX_ACCEPTED);
+        bad += 1;
+        assert_memory_equal(box.slots, clean.slots, sizeof box.slots);
+    }
+    assert_int_equal(refusals(&box.counters), bad);
+    assert_int_equal(box.counters.rx_accepted, clean.counters.rx_accepted);
+}
+
+static void test_views_are_ordered_by_id_whatever_the_order_of_arrival(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("order");
+    for (uint32_t round = 0; round < test_rounds(200); ++round) {
+        fresh_inbox(NULL);
+        bool sent[1000] = { false };
+        for (int i = 0; i < 40; ++i) {
+            const uint32_t id = test_rng_below(&rng, 1000);
+            offer(car((int32_t)id, start + i), start + i);
+            sent[id] = true;
+        }
+        inbox_snapshot(&box, start + 40, &view);
+        uint32_t at = 0; // the ids sent, counted upwards, are the view
+        for (int32_t id = 0; id < 1000; ++id) {
+            if (sent[id]) {
+                assert_int_equal(view.vehicles[at++].id, id);
+            }
+        }
+        assert_int_equal(view.count, at);
+    }
+}
+
+// ---------------------------------------------------------------- limits and counters
+
+static void test_limits_are_refused_out_of_range_and_out_of_order(void** state)
+{
+    (void)state;
+    uint32_t           count = 0;
+    const inbox_param* params = inbox_params(&count);
+    assert_int_equal(count * sizeof(double), sizeof(inbox_limits)); // every field has its row
+    for (uint32_t i = 0; i < count; ++i) {
+        const double wrong[] = { params[i].min - 0.1, params[i].max + 0.1, NAN };
+        for (int k = 0; k < 3; ++k) {
+            inbox_limits limits = inbox_default_limits();
+            *(double*)((char*)&limits + params[i].offset) = wrong[k];
+            assert_string_equal(inbox_limits_check(&limits), params[i].name);
+        }
+    }
+    inbox_limits limits = inbox_default_limits();
+    assert_null(inbox_limits_check(&limits));
+    limits.obstacle_ms = 299.0;
+    assert_string_equal(inbox_limits_check(&limits), "obstacle_ms");
+    limits = inbox_default_limits();
+    limits.drop_ms = 999.0;
+    assert_string_equal(inbox_limits_check(&limits), "drop_ms");
+}
+
+static void test_a_status_carries_all_counters_and_never_wraps(void** state)
+{
+    (void)state;
+    box.counters = (inbox_counters){
+        .rx_accepted = 1, .rx_stale = 2, .rx_future = 3, .rx_duplicate = 4, .rx_out_of_order = 5,
+        .rx_out_of_range = 7, .rx_off_map = 8, .rx_over_capacity = 9, .rx_id_conflict = UINT64_MAX,
+    };
+    const transport_stats bus = { .malformed = 6, .dropped = 11 };
+    verge_rsu_status_t    status = { 0 };
+    inbox_fill_status(&box, &bus, &status);
+    assert_int_equal(status.rx_accepted, 1);
+    assert_int_equal(status.rx_stale, 2);
+    assert_int_equal(status.rx_future, 3);
+    assert_int_equal(status.rx_duplicate, 4);
+    assert_int_equal(status.rx_out_of_order, 5);
+    assert_int_equal(status.rx_malformed, 6);
+    assert_int_equal(status.rx_out_of_range, 7);
+    assert_int_equal(status.rx_off_map, 8);
+    assert_int_equal(status.rx_over_capacity, 9);
+    assert_int_equal(status.rx_id_conflict, INT32_MAX);
+    assert_int_equal(status.rx_dropped, 11);
+}
+
+#define TEST(name) cmocka_unit_test_setup(name, fresh_inbox)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(test_a_state_40_ms_ahead_is_accepted_and_one_more_is_not),
+        TEST(test_a_state_2_s_old_is_accepted_and_one_older_is_stale),
+        TEST(test_duplicate_and_older_states_are_told_apart),
+        TEST(test_two_senders_with_one_id_are_noticed_and_the_first_stays),
+        TEST(test_out_of_range_comes_before_everything_else),
+        TEST(test_a_full_table_takes_known_vehicles_and_replaces_forgotten_ones),
+        TEST(test_ages_have_their_classes_at_the_exact_borders),
+        TEST(test_a_cancellation_is_told_exactly_once),
+        TEST(test_surplus_vehicles_are_obstacles_and_the_planned_keep_their_places),
+        TEST(test_projection_agrees_with_driving_in_small_steps),
+        TEST(test_a_braking_vehicle_stops_and_stays),
+        TEST(test_no_projection_is_faster_than_a_car),
+        TEST(test_refused_states_leave_no_trace_but_their_counter),
+        TEST(test_views_are_ordered_by_id_whatever_the_order_of_arrival),
+        TEST(test_limits_are_refused_out_of_range_and_out_of_order),
+        TEST(test_a_status_carries_all_counters_and_never_wraps),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,510 @@
+/// Goal: a message is exactly the bytes the contract says, and nothing out of range gets through.
+/// Method: the encoding is written out again by hand, field by field, and compared byte by byte;
+///         each field of a good message is pushed over each of its limits, one at a time.
+#include "check.h"
+#include "codec.h"
+#include "rng.h"
+#include "verge/wire.h"
+
+#include <math.h>
+
+// ---------------------------------------------------------------- a second encoder, by hand
+
+typedef struct writer {
+    uint8_t bytes[2048];
+    size_t  size;
+} writer;
+
+static void write_big_endian(writer* to, const void* value, size_t size)
+{
+    for (size_t i = 0; i < size; ++i) { // this test runs on little-endian machines
+        to->bytes[to->size++] = ((const uint8_t*)value)[size - 1 - i];
+    }
+}
+
+#define WRITE(to, type, value)                          \
+    do {                                                \
+        const type written = (value);                   \
+        write_big_endian((to), &written, sizeof(type)); \
+    } while (0)
+
+/// zlib's CRC-32 one bit at a time, straight from its definition.
+static uint32_t crc32_by_bits(const uint8_t* bytes, size_t size)
+{
+    uint32_t crc = 0xffffffffu;
+    for (size_t i = 0; i < size; ++i) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; ++bit) {
+            crc = (crc & 1u) != 0 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
+        }
+    }
+    return crc ^ 0xffffffffu;
+}
+
+// ---------------------------------------------------------------- good messages
+
+static verge_vehicle_state_t good_state(void)
+{
+    return (verge_vehicle_state_t){
+        .utime = 1700000000123456, .vehicle_id = 7, .sequence = 41, .controlled = 1,
+        .x = 123.456, .y = -7.25, .heading = 0.1f, .speed = 15.5f, .acceleration = -0.5f,
+        .yaw_rate = 0.02f, .length = 4.8f, .width = 1.9f, .position_sigma = 0.3f,
+        .target_lane = 2, .habit = 0, .cooperation = 0.25f, .followed_cycle = 12,
+    };
+}
+
+static verge_vehicle_plan_t good_plan(void)
+{
+    verge_vehicle_plan_t plan = {
+        .utime = 1700000000500000, .valid_until_utime = 1700000001500000, .rsu_id = 3,
+        .cycle = 17, .plans_in_cycle = 2, .vehicle_id = 7, .state_utime = 1700000000400000,
+        .status = 1, .reason = 2, .action_count = 10, .point_count = 31, .dt_ms = 100,
+        .digest = 0x0123456789abcdef,
+    };
+    for (int i = 0; i < 10; ++i) {
+        plan.actions[i] = (verge_plan_action_t){
+            .action = (int16_t)(i % 5), .lane = i, .brake_light = (int16_t)(i % 2),
+            .turn_signal = (int16_t)(i % 3 - 1), .t0_ms = 500 * i, .t1_ms = 500 * (i + 1),
+            .speed = 10.0f + (float)i,
+        };
+    }
+    for (int i = 0; i < 31; ++i) {
+        plan.points[i] = (verge_plan_point_t){
+            .x = 1.5 * i, .y = -0.1 * i, .heading = 0.01f * (float)i, .speed = 15.0f,
+            .acceleration = 0.2f * (float)i, .curvature = 0.001f * (float)i,
+        };
+    }
+    return plan;
+}
+
+// ---------------------------------------------------------------- encoding
+
+static void test_crc32_is_that_of_zlib(void** state)
+{
+    (void)state;
+    // Known vectors: the check value of the CRC catalogue, and zlib.crc32 of the others.
+    assert_int_equal(transport_crc32("", 0), 0x00000000);
+    assert_int_equal(transport_crc32("a", 1), 0xe8b7be43);
+    assert_int_equal(transport_crc32("123456789", 9), 0xcbf43926);
+    assert_int_equal(transport_crc32("The quick brown fox jumps over the lazy dog", 43), 0x414fa339);
+
+    test_rng rng = test_rng_seeded("crc32");
+    uint8_t  bytes[300];
+    for (size_t size = 0; size < sizeof bytes; ++size) {
+        for (size_t i = 0; i < size; ++i) {
+            bytes[i] = (uint8_t)test_rng_next(&rng);
+        }
+        assert_int_equal(transport_crc32(bytes, size), crc32_by_bits(bytes, size));
+    }
+}
+
+static void check_encoding(transport_kind kind, const void* value, const writer* fields)
+{
+    uint8_t      bytes[CODEC_SIZE_MAX];
+    const size_t size = codec_encode(kind, value, bytes);
+
+    assert_int_equal(size, 8 + fields->size + 4);
+    assert_memory_equal(bytes + 8, fields->bytes, fields->size);
+    assert_int_equal(codec_get_u32(bytes + size - 4), crc32_by_bits(fields->bytes, fields->size));
+}
+
+static void test_a_state_is_the_contracts_fields_in_order(void** state)
+{
+    (void)state;
+    const verge_vehicle_state_t m = good_state();
+    writer w = { .size = 0 };
+    WRITE(&w, int64_t, m.utime);
+    WRITE(&w, int32_t, m.vehicle_id);
+    WRITE(&w, int32_t, m.sequence);
+    WRITE(&w, int16_t, m.controlled);
+    WRITE(&w, double, m.x);
+    WRITE(&w, double, m.y);
+    WRITE(&w, float, m.heading);
+    WRITE(&w, float, m.speed);
+    WRITE(&w, float, m.acceleration);
+    WRITE(&w, float, m.yaw_rate);
+    WRITE(&w, float, m.length);
+    WRITE(&w, float, m.width);
+    WRITE(&w, float, m.position_sigma);
+    WRITE(&w, int32_t, m.target_lane);
+    WRITE(&w, int16_t, m.habit);
+    WRITE(&w, float, m.cooperation);
+    WRITE(&w, int32_t, m.followed_cycle);
+    check_encoding(TRANSPORT_STATE, &m, &w);
+}
+
+static void test_a_plan_is_the_contracts_fields_in_order(void** state)
+{
+    (void)state;
+    const verge_vehicle_plan_t m = good_plan();
+    writer w = { .size = 0 };
+    WRITE(&w, int64_t, m.utime);
+    WRITE(&w, int64_t, m.valid_until_utime);
+    WRITE(&w, int32_t, m.rsu_id);
+    WRITE(&w, int32_t, m.cycle);
+    WRITE(&w, int32_t, m.plans_in_cycle);
+    WRITE(&w, int32_t, m.vehicle_id);
+    WRITE(&w, int64_t, m.state_utime);
+    WRITE(&w, int16_t, m.status);
+    WRITE(&w, int16_t, m.reason);
+    WRITE(&w, int32_t, m.action_count);
+    for (int i = 0; i < 10; ++i) {
+        WRITE(&w, int16_t, m.actions[i].action);
+        WRITE(&w, int32_t, m.actions[i].lane);
+        WRITE(&w, int16_t, m.actions[i].brake_light);
+        WRITE(&w, int16_t, m.actions[i].turn_signal);
+        WRITE(&w, int32_t, m.actions[i].t0_ms);
+        WRITE(&w, int32_t, m.actions[i].t1_ms);
+        WRITE(&w, float, m.actions[i].speed);
+    }
+    WRITE(&w, int32_t, m.point_count);
+    WRITE(&w, int32_t, m.dt_ms);
+    for (int i = 0; i < 31; ++i) {
+        WRITE(&w, double, m.points[i].x);
+        WRITE(&w, double, m.points[i].y);
+        WRITE(&w, float, m.points[i].heading);
+        WRITE(&w, float, m.points[i].speed);
+        WRITE(&w, float, m.points[i].acceleration);
+        WRITE(&w, float, m.points[i].curvature);
+    }
+    WRITE(&w, int64_t, m.digest);
+    check_encoding(TRANSPORT_PLAN, &m, &w);
+}
+
+static void test_every_message_fits_one_datagram(void** state)
+{
+    (void)state;
+    const verge_vehicle_state_t s = good_state();
+    const verge_vehicle_plan_t  p = good_plan();
+    const verge_rsu_status_t    r = { .utime = 1 };
+    assert_int_equal(verge_vehicle_state_t_encoded_size(&s), CODEC_STATE_SIZE);
+    assert_int_equal(verge_vehicle_plan_t_encoded_size(&p), CODEC_PLAN_SIZE);
+    assert_int_equal(verge_rsu_status_t_encoded_size(&r), CODEC_STATUS_SIZE);
+    for (int kind = TRANSPORT_STATE; kind <= TRANSPORT_MARK; ++kind) {
+        const size_t header = 8 + strlen(codec_channel((transport_kind)kind)) + 1;
+        assert_true(header + codec_size((transport_kind)kind) <= 1472);
+    }
+}
+
+static void test_decoding_returns_what_was_encoded(void** state)
+{
+    (void)state;
+    uint8_t           bytes[CODEC_SIZE_MAX];
+    transport_message message;
+
+    verge_vehicle_plan_t plan = good_plan();
+    size_t size = codec_encode(TRANSPORT_PLAN, &plan, bytes);
+    assert_true(codec_decode(TRANSPORT_PLAN, bytes, size, &message));
+    plan.crc32 = message.as.plan.crc32;
+    assert_memory_equal(&message.as.plan.points, &plan.points, sizeof plan.points);
+    assert_int_equal(message.as.plan.digest, plan.digest);
+    assert_int_equal(message.as.plan.actions[9].t1_ms, 5000);
+
+    const transport_mark mark = { .utime = 1700000000500000, .cycle = 99, .overrun = 1 };
+    size = codec_encode(TRANSPORT_MARK, &mark, bytes);
+    assert_true(codec_decode(TRANSPORT_MARK, bytes, size, &message));
+    assert_int_equal(message.as.mark.utime, mark.utime);
+    assert_int_equal(message.as.mark.cycle, 99);
+    assert_int_equal(message.as.mark.overrun, 1);
+}
+
+static void test_any_flipped_bit_and_any_other_length_is_refused(void** state)
+{
+    (void)state;
+    const verge_vehicle_state_t good = good_state();
+    uint8_t                     bytes[CODEC_SIZE_MAX + 8] = { 0 };
+    transport_message           message;
+    const size_t size = codec_encode(TRANSPORT_STATE, &good, bytes);
+
+    for (size_t bit = 0; bit < 8 * size; ++bit) {
+        bytes[bit / 8] ^= (uint8_t)(1u << bit % 8);
+        assert_false(codec_decode(TRANSPORT_STATE, bytes, size, &message));
+        bytes[bit / 8] ^= (uint8_t)(1u << bit % 8);
+    }
+    for (size_t other = 0; other < sizeof bytes; ++other) {
+        assert_int_equal(codec_decode(TRANSPORT_STATE, bytes, other, &message), other == size);
+    }
+    assert_false(codec_decode(TRANSPORT_PLAN, bytes, size, &message));
+}
+
+// ---------------------------------------------------------------- ranges
+
+typedef enum number { I16, I32, I64, F32, F64 } number;
+
+/// One field and the limits the contract gives it.
+typedef struct field {
+    const char* name;
+    number      type;
+    size_t      offset;
+    double      min, max;   ///< infinite: the type's own limit
+    bool        nan_allowed;
+} field;
+
+#define FIELD(name, type, min, max, nan) \
+    { #name, type, offsetof(verge_vehicle_state_t, name), min, max, nan }
+
+static const field state_fields[] = {
+    FIELD(utime, I64, 1, INFINITY, false),
+    FIELD(vehicle_id, I32, 0, INFINITY, false),
+    FIELD(controlled, I16, 0, 1, false),
+    FIELD(x, F64, -1e6, 1e6, false),
+    FIELD(y, F64, -1e6, 1e6, false),
+    FIELD(heading, F32, -3.1415927, 3.1415927, false),
+    FIELD(speed, F32, 0, 60, false),
+    FIELD(acceleration, F32, -20, 20, false),
+    FIELD(yaw_rate, F32, -3, 3, true),
+    FIELD(length, F32, 0.5, 30, false),
+    FIELD(width, F32, 0.3, 4, false),
+    FIELD(position_sigma, F32, -1e9, 100, true),
+    FIELD(target_lane, I32, -1, INFINITY, false),
+    FIELD(habit, I16, 0, 2, false),
+    FIELD(cooperation, F32, 0, 1, true),
+    FIELD(followed_cycle, I32, -1, INFINITY, false),
+};
+
+static void put(void* message, const field* f, double value)
+{
+    void* at = (char*)message + f->offset;
+    switch (f->type) {
+    case I16: *(int16_t*)at = (int16_t)value; break;
+    case I32: *(int32_t*)at = (int32_t)value; break;
+    case I64: *(int64_t*)at = (int64_t)value; break;
+    case F32: *(float*)at = (float)value; break;
+    case F64: *(double*)at = value; break;
+    }
+}
+
+static const char* fault_with(const field* f, double value)
+{
+    verge_vehicle_state_t message = good_state();
+    put(&message, f, value);
+    return wire_state_check(&message);
+}
+
+static void test_every_field_of_a_state_is_held_to_its_range(void** state)
+{
+    (void)state;
+    const verge_vehicle_state_t good = good_state();
+    assert_null(wire_state_check(&good));
+
+    for (size_t i = 0; i < sizeof state_fields / sizeof state_fields[0]; ++i) {
+        const field* f = &state_fields[i];
+        const bool   real = f->type == F32 || f->type == F64;
+        const double step = real ? 1e-4 * (1.0 + fabs(f->min)) : 1.0;
+        const bool   any_below = strcmp(f->name, "position_sigma") == 0; // negative: unknown
+
+        assert_null(fault_with(f, f->min));
+        if (!any_below) {
+            assert_string_equal(fault_with(f, f->min - step), f->name);
+            assert_string_equal(fault_with(f, -30000.0 - (real ? 1e7 : 0.0)), f->name);
+        }
+        if (!isinf(f->max)) {
+            assert_null(fault_with(f, f->max));
+            assert_string_equal(fault_with(f, f->max + step), f->name);
+        }
+        if (real) {
+            assert_string_equal(fault_with(f, INFINITY), f->name);
+            assert_string_equal(fault_with(f, -INFINITY), f->name);
+            if (f->nan_allowed) {
+                assert_null(fault_with(f, NAN));
+            } else {
+                assert_string_equal(fault_with(f, NAN), f->name);
+            }
+        }
+    }
+}
+
+#define CHECK_PLAN_FAULT(assignment, name)               \
+    do {                                                 \
+        verge_vehicle_plan_t plan = good_plan();         \
+        plan.assignment;                                 \
+        assert_non_null(wire_plan_check(&plan));         \
+        assert_string_equal(wire_plan_check(&plan), name); \
+    } while (0)
+
+static void test_every_field_of_a_plan_is_held_to_its_range(void** state)
+{
+    (void)state;
+    const verge_vehicle_plan_t good = good_plan();
+    assert_null(wire_plan_check(&good));
+
+    CHECK_PLAN_FAULT(utime = 0, "utime");
+    CHECK_PLAN_FAULT(valid_until_utime = plan.utime - 1, "valid_until_utime");
+    CHECK_PLAN_FAULT(state_utime = -1, "state_utime");
+    CHECK_PLAN_FAULT(rsu_id = -1, "rsu_id");
+    CHECK_PLAN_FAULT(cycle = -1, "cycle");
+    CHECK_PLAN_FAULT(plans_in_cycle = -1, "plans_in_cycle");
+    CHECK_PLAN_FAULT(vehicle_id = -1, "vehicle_id");
+    CHECK_PLAN_FAULT(status = 4, "status");
+    CHECK_PLAN_FAULT(status = -1, "status");
+    CHECK_PLAN_FAULT(reason = -1, "reason");
+    CHECK_PLAN_FAULT(action_count = 11, "action_count");
+    CHECK_PLAN_FAULT(action_count = -1, "action_count");
+    CHECK_PLAN_FAULT(point_count = 32, "point_count");
+    CHECK_PLAN_FAULT(point_count = 1, "point_count");
+    CHECK_PLAN_FAULT(dt_ms = 0, "dt_ms");
+    CHECK_PLAN_FAULT(dt_ms = 1001, "dt_ms");
+    CHECK_PLAN_FAULT(actions[9].action = 5, "actions.action");
+    CHECK_PLAN_FAULT(actions[9].lane = -2, "actions.lane");
+    CHECK_PLAN_FAULT(actions[9].brake_light = 2, "actions.brake_light");
+    CHECK_PLAN_FAULT(actions[9].turn_signal = -2, "actions.turn_signal");
+    CHECK_PLAN_FAULT(actions[9].t0_ms = -1, "actions.t0_ms");
+    CHECK_PLAN_FAULT(actions[9].t1_ms = plan.actions[9].t0_ms - 1, "actions.t1_ms");
+    CHECK_PLAN_FAULT(actions[9].speed = NAN, "actions.speed");
+    CHECK_PLAN_FAULT(points[30].x = NAN, "points.x");
+    CHECK_PLAN_FAULT(points[30].y = 1.1e6, "points.y");
+    CHECK_PLAN_FAULT(points[30].heading = 3.15f, "points.heading");
+    CHECK_PLAN_FAULT(points[30].speed = -0.1f, "points.speed");
+    CHECK_PLAN_FAULT(points[30].acceleration = 20.1f, "points.acceleration");
+    CHECK_PLAN_FAULT(points[30].curvature = INFINITY, "points.curvature");
+}
+
+// ---------------------------------------------------------------- conversion
+
+static void test_a_vehicle_survives_the_way_there_and_back(void** state)
+{
+    (void)state;
+    const verge_vehicle_state_t sent = good_state();
+
+    const verge_vehicle vehicle = wire_vehicle_from_state(&sent);
+    const verge_vehicle_state_t back =
+        wire_state_from_vehicle(&vehicle, VERGE_AGGRESSIVE, sent.utime, 41, 12);
+
+    assert_null(wire_state_check(&back));
+    assert_true(vehicle.controlled);
+    assert_int_equal(vehicle.target_lane, 2);
+    CHECK_NEAR(vehicle.habit.cooperation, 0.25, 0.0);
+    CHECK_SAME_BITS(back.x, sent.x);
+    CHECK_SAME_BITS(back.y, sent.y);
+    CHECK_NEAR(back.heading, sent.heading, 0.0);
+    CHECK_NEAR(back.yaw_rate, sent.yaw_rate, 0.0);
+    CHECK_NEAR(back.cooperation, sent.cooperation, 0.0);
+    CHECK_NEAR(back.length, sent.length, 0.0);
+    assert_int_equal(back.habit, sent.habit);
+}
+
+static void test_an_unknown_cooperation_is_the_habits(void** state)
+{
+    (void)state;
+    for (int kind = VERGE_AGGRESSIVE; kind <= VERGE_CONSERVATIVE; ++kind) {
+        verge_vehicle_state_t sent = good_state();
+        sent.habit = (int16_t)kind;
+        sent.cooperation = NAN;
+        const verge_vehicle vehicle = wire_vehicle_from_state(&sent);
+        const verge_habit   habit = verge_habit_of((verge_habit_kind)kind);
+        assert_memory_equal(&vehicle.habit, &habit, sizeof habit);
+        assert_true(isnan(wire_state_from_vehicle(&vehicle, (verge_habit_kind)kind, 1, 0, -1)
+                              .cooperation));
+    }
+}
+
+static verge_vehicle_plan core_plan(uint32_t steps)
+{
+    verge_vehicle_plan plan = { .vehicle_id = 7, .status = VERGE_PLANNED, .point_count = 31 };
+    plan.action_count = steps;
+    for (uint32_t i = 0; i < steps; ++i) {
+        plan.actions[i] = (verge_action_step){
+            .action = VERGE_KEEP_SPEED, .lane_id = 1, .t0 = 0.5 * i, .t1 = 0.5 * (i + 1),
+            .v = 10.0 + i,
+        };
+    }
+    for (uint32_t i = 0; i < 31; ++i) {
+        plan.points[i] = (verge_point){ .t = 0.1 * i, .x = i, .speed = 10, .acceleration = 0.1 * i };
+    }
+    return plan;
+}
+
+static const wire_plan_header header = {
+    .utime = 1000000, .valid_until_utime = 2000000, .state_utime = 900000, .rsu_id = 3,
+    .cycle = 17, .plans_in_cycle = 2, .digest = 0xfedcba9876543210u,
+};
+
+static void test_equal_neighbouring_steps_become_one_action(void** state)
+{
+    (void)state;
+    verge_vehicle_plan plan = core_plan(8); // KS KS | LCL LCL* | KS KS KS# KS#
+    plan.actions[2].action = plan.actions[3].action = VERGE_CHANGE_LEFT;
+    plan.actions[3].turn_signal = 1;   // * another light
+    plan.actions[6].lane_id = plan.actions[7].lane_id = 2; // # another lane
+
+    const verge_vehicle_plan_t message = wire_plan_from_vehicle_plan(&header, &plan);
+
+    assert_null(wire_plan_check(&message));
+    assert_int_equal(message.action_count, 5);
+    static const int32_t t0[] = { 0, 1000, 1500, 2000, 3000 };
+    static const int32_t t1[] = { 1000, 1500, 2000, 3000, 4000 };
+    static const double  speed[] = { 11, 12, 13, 15, 17 };
+    for (int i = 0; i < 5; ++i) {
+        assert_int_equal(message.actions[i].t0_ms, t0[i]);
+        assert_int_equal(message.actions[i].t1_ms, t1[i]);
+        CHECK_NEAR(message.actions[i].speed, speed[i], 0.0);
+    }
+    assert_int_equal(message.actions[2].turn_signal, 1);
+    assert_int_equal(message.actions[4].lane, 2);
+    assert_int_equal(message.point_count, 31);
+    assert_int_equal(message.dt_ms, 100);
+    assert_true((uint64_t)message.digest == header.digest);
+}
+
+static void test_the_first_ten_actions_are_kept(void** state)
+{
+    (void)state;
+    verge_vehicle_plan plan = core_plan(VERGE_STEPS_MAX);
+    for (uint32_t i = 0; i < VERGE_STEPS_MAX; ++i) {
+        plan.actions[i].action = i % 2 == 0 ? VERGE_KEEP_SPEED : VERGE_ACCELERATE;
+    }
+    const verge_vehicle_plan_t message = wire_plan_from_vehicle_plan(&header, &plan);
+    assert_int_equal(message.action_count, 10);
+    assert_int_equal(message.actions[9].t1_ms, 5000);
+    assert_null(wire_plan_check(&message));
+}
+
+static void test_points_come_back_with_time_and_jerk(void** state)
+{
+    (void)state;
+    const verge_vehicle_plan   plan = core_plan(4);
+    const verge_vehicle_plan_t message = wire_plan_from_vehicle_plan(&header, &plan);
+    verge_point                points[VERGE_POINTS_MAX];
+
+    assert_int_equal(wire_points_from_plan(&message, points), 31);
+    for (int i = 0; i < 31; ++i) {
+        CHECK_NEAR(points[i].t, 0.1 * i, 1e-12);
+        CHECK_NEAR(points[i].x, i, 0.0);
+        CHECK_NEAR(points[i].jerk, i < 30 ? 1.0 : 0.0, 1e-5);
+    }
+    assert_null(wire_action_at(&message, header.utime - 1));
+    assert_ptr_equal(wire_action_at(&message, header.utime), &message.actions[0]);
+}
+
+static void test_a_cancelled_plan_is_acceptable_and_empty(void** state)
+{
+    (void)state;
+    const verge_vehicle_plan_t message = wire_plan_cancelled(&header, 7, VERGE_REASON_STALE);
+    verge_point                points[VERGE_POINTS_MAX];
+    assert_null(wire_plan_check(&message));
+    assert_int_equal(message.status, 3);
+    assert_int_equal(message.reason, VERGE_REASON_STALE);
+    assert_int_equal(wire_points_from_plan(&message, points), 0);
+    assert_null(wire_action_at(&message, header.utime));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_crc32_is_that_of_zlib),
+        cmocka_unit_test(test_a_state_is_the_contracts_fields_in_order),
+        cmocka_unit_test(test_a_plan_is_the_contracts_fields_in_order),
+        cmocka_unit_test(test_every_message_fits_one_datagram),
+        cmocka_unit_test(test_decoding_returns_what_was_encoded),
+        cmocka_unit_test(test_any_flipped_bit_and_any_other_length_is_refused),
+        cmocka_unit_test(test_every_field_of_a_state_is_held_to_its_range),
+        cmocka_unit_test(test_every_field_of_a_plan_is_held_to_its_range),
+        cmocka_unit_test(test_a_vehicle_survives_the_way_there_and_back),
+        cmocka_unit_test(test_an_unknown_cooperation_is_the_habits),
+        cmocka_unit_test(test_equal_neighbouring_steps_become_one_action),
+        cmocka_unit_test(test_the_first_ten_actions_are_kept),
+        cmocka_unit_test(test_points_come_back_with_time_and_jerk),
+        cmocka_unit_test(test_a_cancelled_plan_is_acceptable_and_empty),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,130 @@
+/// The latest state of every vehicle, and what may be made of it at a plan's instant.
+///
+///     inbox_init(&inbox, &limits, vehicles_max, controlled_max);
+///     inbox_offer(&inbox, &message.as.state, utime_now, road);  // every message as it comes
+///     inbox_snapshot(&inbox, plan_utime, &view);                // once a cycle
+///     verge_planner_step(planner, plan_utime, view.vehicles, view.count, &plan);
+///
+/// Isolation   A refused message changes a counter and nothing else: the vehicle keeps its last
+///             good state until that grows old, and no other vehicle is touched.
+/// Memory      All in the struct (about 15 KiB); nothing allocates.
+/// Threads     One at a time.
+/// Time        No clock is read. The same offers and snapshots in the same order give the same
+///             views, bit for bit, so a recording of accepted states repeats the run.
+#ifndef VERGE_INBOX_H
+#define VERGE_INBOX_H
+
+#include "verge/road.h"
+#include "verge/transport.h"
+#include "verge/wire.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// The daemon's "freshness" object; names, units, ranges and meaning: inbox_params().
+/// An age is the plan's instant minus the state's utime; each limit belongs to the younger class.
+typedef struct inbox_limits {
+    double fresh_ms;          ///< [ms] up to this age a state is used and its vehicle planned
+    double obstacle_ms;       ///< [ms] then an obstacle with obstacle_margin_m, not planned
+    double drop_ms;           ///< [ms] then one with old_margin_m; beyond this age forgotten
+    double future_ms;         ///< [ms] a state further ahead of our clock is refused
+    double obstacle_margin_m; ///< [m]  on every side of the body
+    double old_margin_m;      ///< [m]
+    double jump_m;            ///< [m]  more than this beyond what it can have driven: another sender
+} inbox_limits;
+
+inbox_limits inbox_default_limits(void);
+
+/// One field of inbox_limits, for whoever reads them by name. All are doubles.
+typedef struct inbox_param {
+    const char* name;     ///< the field's name, also the JSON key
+    const char* unit;
+    size_t      offset;   ///< in inbox_limits
+    double      min, max; ///< both inclusive
+    const char* text;     ///< one sentence
+} inbox_param;
+
+/// The table of all fields, in the order of the struct. Static lifetime.
+const inbox_param* inbox_params(uint32_t* count);
+
+/// Null: the limits are in their ranges and in order. Otherwise the field that is not.
+const char* inbox_limits_check(const inbox_limits* limits);
+
+/// What became of an offered state. The rules are tried in the order of this list.
+typedef enum inbox_verdict {
+    INBOX_ACCEPTED = 0,
+    INBOX_OUT_OF_RANGE,  ///< wire_state_check(), or a target lane the road does not have
+    INBOX_FUTURE,        ///< utime more than future_ms ahead
+    INBOX_STALE,         ///< older than drop_ms on arrival
+    INBOX_DUPLICATE,     ///< the utime and position of the state held
+    INBOX_OUT_OF_ORDER,  ///< older than the state held
+    INBOX_ID_CONFLICT,   ///< same id, but a body that cannot be the same one (jump_m)
+    INBOX_OFF_MAP,       ///< its centre lies on no lane
+    INBOX_OVER_CAPACITY, ///< a new vehicle, and no slot is free or forgotten
+} inbox_verdict;
+
+/// The rx_ fields of rsu_status_t. rx_malformed and rx_dropped are the bus's to count.
+typedef struct inbox_counters {
+    uint64_t rx_accepted, rx_stale, rx_future, rx_duplicate, rx_out_of_order, rx_malformed;
+    uint64_t rx_out_of_range, rx_off_map, rx_over_capacity, rx_id_conflict, rx_dropped;
+} inbox_counters;
+
+/// One vehicle's slot. Leave it to inbox.c.
+typedef struct inbox_slot {
+    verge_vehicle_state_t state;
+    bool used;
+    bool planned; ///< asked for a plan in the last snapshot: owed a cancellation when that ends
+} inbox_slot;
+
+typedef struct inbox {
+    inbox_limits   limits;
+    uint32_t       vehicles_max, controlled_max;
+    inbox_counters counters;
+    const char*    fault_field; ///< of the last INBOX_OUT_OF_RANGE, for logs
+    inbox_slot     slots[VERGE_VEHICLES_MAX];
+} inbox;
+
+/// limits must pass inbox_limits_check(); 1 <= controlled_max <= vehicles_max <=
+/// VERGE_VEHICLES_MAX, the planner's own (a planner refuses a whole step that has more).
+void inbox_init(inbox* self, const inbox_limits* limits, uint32_t vehicles_max,
+                uint32_t controlled_max);
+
+/// Other limits from now on; the vehicles stay.
+void inbox_set_limits(inbox* self, const inbox_limits* limits);
+
+/// road null: any place and any target lane will do.
+inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
+                          const verge_road* road);
+
+/// "accepted", "stale", ...: the name of the counter without rx_.
+const char* inbox_verdict_name(inbox_verdict verdict);
+
+/// Who is there at one instant, ordered by id. About 12 KiB.
+typedef struct inbox_view {
+    uint32_t      count;
+    verge_vehicle vehicles[VERGE_VEHICLES_MAX];    ///< projected to the instant
+    int64_t       state_utime[VERGE_VEHICLES_MAX]; ///< [us] of the state each comes from
+    uint32_t      controlled_count;                ///< vehicles with controlled == true
+    uint32_t      cancelled_count;
+    int32_t       cancelled[VERGE_VEHICLES_MAX];   ///< ids planned in the last view and not in this
+} inbox_view;
+
+/// Projects every state to plan_utime, with its acceleration until it stands and with its yaw
+/// rate (unknown or below 2 m/s: none), along its heading. Vehicles that asked to be planned and
+/// are fresh are controlled; if they are more than controlled_max, those of the last view first,
+/// then by id. Forgets what is older than drop_ms. Every cancellation is told exactly once.
+void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view);
+
+/// A vehicle's motion from its own instant to dt [s] later (or, dt < 0, earlier).
+void inbox_project(verge_vehicle* vehicle, double dt);
+
+/// Writes the eleven rx_ fields of a status, capped at INT32_MAX: the inbox's own and, for
+/// rx_malformed and rx_dropped, the bus's.
+void inbox_fill_status(const inbox* self, const transport_stats* bus, verge_rsu_status_t* status);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

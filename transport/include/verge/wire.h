@@ -1,0 +1,77 @@
+/// Messages and the planner's own types: range checks, and conversion in both directions.
+///
+/// A decoded message had the right crc32, so it is what its sender meant; whether that makes sense
+/// is checked here, field by field, before anything of it reaches the planner. Nothing allocates,
+/// nothing keeps a pointer, everything may be called from any thread.
+#ifndef VERGE_WIRE_H
+#define VERGE_WIRE_H
+
+#include "verge/plan.h"
+#include "verge/transport.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { WIRE_ACTIONS_MAX = 10, WIRE_POINTS_MAX = 31 };
+
+/// What a state may say. All limits are inclusive; infinite is always refused.
+///     utime > 0             vehicle_id, >= 0          sequence any
+///     controlled 0, 1       |x|, |y| <= 1e6 m         |heading| <= pi + 1e-6
+///     speed 0 .. 60 m/s     |acceleration| <= 20      |yaw_rate| <= 3 rad/s or NaN
+///     length 0.5 .. 30 m    width 0.3 .. 4 m          position_sigma <= 100 m, negative or NaN
+///     target_lane >= -1     habit 0 .. 2              cooperation 0 .. 1 or NaN
+///     followed_cycle >= -1
+/// Null: acceptable. Otherwise the name of the first field that is not (static lifetime).
+const char* wire_state_check(const verge_vehicle_state_t* state);
+
+/// The same for a plan: codes within their lists, counts within their arrays, dt_ms 1 .. 1000,
+/// t0_ms <= t1_ms <= 60000, valid_until_utime >= utime, |curvature| <= 10; a plan that is not
+/// cancelled has at least two points. Elements beyond the counts are not looked at.
+const char* wire_plan_check(const verge_vehicle_plan_t* plan);
+
+/// A checked state as the planner wants it, at the state's own utime, without margin.
+/// cooperation NaN: the habit's; the weights are the habit's always.
+verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state);
+
+/// The reverse, for programs that stand in for vehicles: habit is told by its kind. crc32 is left
+/// to transport_publish_state(), position_sigma unknown.
+verge_vehicle_state_t wire_state_from_vehicle(const verge_vehicle* vehicle, verge_habit_kind habit,
+                                              int64_t utime, int32_t sequence,
+                                              int32_t followed_cycle);
+
+/// What a plan message says beside the vehicle's own plan.
+typedef struct wire_plan_header {
+    int64_t  utime;             ///< [us] t = 0 of the plan
+    int64_t  valid_until_utime; ///< [us]
+    int64_t  state_utime;       ///< [us] of the state the vehicle was planned from
+    int32_t  rsu_id;
+    int32_t  cycle;
+    int32_t  plans_in_cycle;
+    uint64_t digest;            ///< verge_plan.digest
+} wire_plan_header;
+
+/// The message for one vehicle. Neighbouring steps with the same action, lights and lane become
+/// one action (from the first's t0 to the last's t1, with the last's speed); the first ten are
+/// kept, and the first 31 points.
+verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
+                                                 const verge_vehicle_plan* plan);
+
+/// "Your plan is withdrawn": status 3, no actions, no points.
+verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t vehicle_id,
+                                         verge_reason reason);
+
+/// The trajectory of a checked plan message. t from dt_ms, jerk from the accelerations (the last
+/// point has none). Returns how many, at most VERGE_POINTS_MAX; 0 for a cancelled plan.
+uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,
+                               verge_point points[VERGE_POINTS_MAX]);
+
+/// The action that holds at an instant: the last one whose t0 has come; null before the first
+/// and where there is none. Points into the plan.
+const verge_plan_action_t* wire_action_at(const verge_vehicle_plan_t* plan, int64_t utime);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,43 @@
+/// Messages to bytes and back: the encoding of transport/types/verge.lcm with its checksum.
+///
+/// Bytes       8-byte fingerprint of the type, fields big-endian, crc32 (verge.lcm says over what).
+/// Memory      The caller's buffers only: the generated coders of fixed arrays allocate nothing.
+/// Marks       VERGE_CYCLE is no LCM type but is framed alike: the eight letters "VERGEMRK",
+///             utime, cycle, overrun, crc32.
+#ifndef CODEC_H
+#define CODEC_H
+
+#include "verge/transport.h"
+
+/// Encoded sizes [B]; test_wire.c compares them with what lcm-gen made of the schema.
+enum {
+    CODEC_STATE_SIZE = 88,
+    CODEC_PLAN_SIZE = 1288,
+    CODEC_STATUS_SIZE = 148,
+    CODEC_MARK_SIZE = 32,
+    CODEC_SIZE_MAX = CODEC_PLAN_SIZE,
+};
+
+/// "VERGE_STATE" and so on; null for TRANSPORT_NONE.
+const char* codec_channel(transport_kind kind);
+/// The kind a channel carries, TRANSPORT_NONE for everybody else's channels.
+transport_kind codec_kind(const char* channel);
+size_t codec_size(transport_kind kind);
+
+/// Encodes the struct of this kind with its crc32. Returns codec_size(kind).
+size_t codec_encode(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX]);
+/// Fills message->kind and message->as. False unless size, fingerprint and crc32 are all right.
+bool codec_decode(transport_kind kind, const uint8_t* bytes, size_t size,
+                  transport_message* message);
+
+/// The generated coders compute their fingerprints at first use, without a lock; calling this
+/// from transport_open() makes that happen before there are two threads.
+void codec_prepare(void);
+
+/// Big-endian numbers, as in LCM's frames and logs.
+void     codec_put_u32(uint8_t* bytes, uint32_t value);
+void     codec_put_u64(uint8_t* bytes, uint64_t value);
+uint32_t codec_get_u32(const uint8_t* bytes);
+uint64_t codec_get_u64(const uint8_t* bytes);
+
+#endif

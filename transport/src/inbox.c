@@ -1,0 +1,361 @@
+#include "verge/inbox.h"
+
+#include "scalar.h" // core's sine and cosine: a replay gives the same bits on every machine
+
+#include <assert.h>
+
+static inbox_slot*   slot_of(inbox* self, int32_t id);
+static inbox_slot*   slot_free(inbox* self, int64_t now_utime);
+static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state,
+                                 int64_t now_utime, const verge_road* road);
+static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
+                                     const verge_vehicle_state_t* state);
+static bool          on_map(const verge_road* road, const verge_vehicle_state_t* state);
+static void          verdict_count(inbox_counters* counters, inbox_verdict verdict);
+static void          slots_order(inbox* self);
+static void          controlled_choose(const inbox* self, int64_t plan_utime,
+                                       bool chosen[VERGE_VEHICLES_MAX]);
+static bool          wants_plan(const inbox* self, const inbox_slot* slot, int64_t plan_utime);
+static double        age_ms(const verge_vehicle_state_t* state, int64_t at_utime);
+
+static const inbox_param params[] = {
+    { "fresh_ms", "ms", offsetof(inbox_limits, fresh_ms), 10.0, 5000.0,
+      "Up to this age a state is used, projected to the plan's instant, and its vehicle planned." },
+    { "obstacle_ms", "ms", offsetof(inbox_limits, obstacle_ms), 10.0, 10000.0,
+      "Up to this age its vehicle is an obstacle with obstacle_margin_m and gets no new plan." },
+    { "drop_ms", "ms", offsetof(inbox_limits, drop_ms), 10.0, 60000.0,
+      "Up to this age its vehicle is an obstacle with old_margin_m; beyond, it is forgotten." },
+    { "future_ms", "ms", offsetof(inbox_limits, future_ms), 0.0, 5000.0,
+      "A state further ahead of the unit's clock than this is refused." },
+    { "obstacle_margin_m", "m", offsetof(inbox_limits, obstacle_margin_m), 0.0, 5.0,
+      "Added to every side of a body whose state is older than fresh_ms." },
+    { "old_margin_m", "m", offsetof(inbox_limits, old_margin_m), 0.0, 5.0,
+      "Added to every side of a body whose state is older than obstacle_ms." },
+    { "jump_m", "m", offsetof(inbox_limits, jump_m), 1.0, 1000.0,
+      "A vehicle found further than this beyond what it can have driven is two with one id." },
+};
+enum { PARAM_COUNT = sizeof params / sizeof params[0] };
+
+/// Ages: 40 ms and 2 s are what receivers of cooperative-awareness messages use, 300 ms is three
+/// missed messages at 10 Hz. Margins: half a metre and a metre are what a car that brakes or
+/// speeds up by 1 and 2 m/s^2 unseen is off after one second.
+inbox_limits inbox_default_limits(void)
+{
+    return (inbox_limits){
+        .fresh_ms = 300.0,
+        .obstacle_ms = 1000.0,
+        .drop_ms = 2000.0,
+        .future_ms = 40.0,
+        .obstacle_margin_m = 0.5,
+        .old_margin_m = 1.0,
+        .jump_m = 10.0,
+    };
+}
+
+const inbox_param* inbox_params(uint32_t* count)
+{
+    *count = PARAM_COUNT;
+    return params;
+}
+
+const char* inbox_limits_check(const inbox_limits* limits)
+{
+    for (uint32_t i = 0; i < PARAM_COUNT; ++i) {
+        const double* value = (const double*)((const char*)limits + params[i].offset);
+        if (!(*value >= params[i].min && *value <= params[i].max)) {
+            return params[i].name;
+        }
+    }
+    if (limits->obstacle_ms < limits->fresh_ms) {
+        return "obstacle_ms";
+    }
+    if (limits->drop_ms < limits->obstacle_ms) {
+        return "drop_ms";
+    }
+    return limits->old_margin_m < limits->obstacle_margin_m ? "old_margin_m" : NULL;
+}
+
+void inbox_init(inbox* self, const inbox_limits* limits, uint32_t vehicles_max,
+                uint32_t controlled_max)
+{
+    assert(controlled_max >= 1 && controlled_max <= vehicles_max);
+    assert(vehicles_max <= VERGE_VEHICLES_MAX);
+
+    *self = (inbox){ .vehicles_max = vehicles_max, .controlled_max = controlled_max };
+    inbox_set_limits(self, limits);
+}
+
+void inbox_set_limits(inbox* self, const inbox_limits* limits)
+{
+    assert(inbox_limits_check(limits) == NULL);
+    self->limits = *limits;
+}
+
+inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
+                          const verge_road* road)
+{
+    inbox_verdict verdict = state_judge(self, state, now_utime, road);
+    if (verdict == INBOX_ACCEPTED) {
+        inbox_slot* slot = slot_of(self, state->vehicle_id);
+        if (slot == NULL) {
+            slot = slot_free(self, now_utime);
+        }
+        if (slot == NULL) {
+            verdict = INBOX_OVER_CAPACITY;
+        } else {
+            const bool same = slot->used && slot->state.vehicle_id == state->vehicle_id;
+            slot->planned = same && slot->planned;
+            slot->used = true;
+            slot->state = *state;
+        }
+    }
+    verdict_count(&self->counters, verdict);
+    return verdict;
+}
+
+const char* inbox_verdict_name(inbox_verdict verdict)
+{
+    switch (verdict) {
+    case INBOX_ACCEPTED: return "accepted";
+    case INBOX_OUT_OF_RANGE: return "out_of_range";
+    case INBOX_FUTURE: return "future";
+    case INBOX_STALE: return "stale";
+    case INBOX_DUPLICATE: return "duplicate";
+    case INBOX_OUT_OF_ORDER: return "out_of_order";
+    case INBOX_ID_CONFLICT: return "id_conflict";
+    case INBOX_OFF_MAP: return "off_map";
+    case INBOX_OVER_CAPACITY: return "over_capacity";
+    }
+    return "unknown";
+}
+
+void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view)
+{
+    bool chosen[VERGE_VEHICLES_MAX] = { false };
+    slots_order(self);
+    controlled_choose(self, plan_utime, chosen);
+
+    view->count = view->controlled_count = view->cancelled_count = 0;
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        inbox_slot* slot = &self->slots[i];
+        if (!slot->used) {
+            continue;
+        }
+        if (slot->planned && !chosen[i]) {
+            view->cancelled[view->cancelled_count++] = slot->state.vehicle_id;
+        }
+        slot->planned = chosen[i];
+
+        const double age = age_ms(&slot->state, plan_utime);
+        if (age > self->limits.drop_ms) {
+            slot->used = false;
+            continue;
+        }
+        verge_vehicle vehicle = wire_vehicle_from_state(&slot->state);
+        inbox_project(&vehicle, age / 1000.0);
+        vehicle.controlled = chosen[i];
+        vehicle.margin = age <= self->limits.fresh_ms      ? 0.0
+                         : age <= self->limits.obstacle_ms ? self->limits.obstacle_margin_m
+                                                           : self->limits.old_margin_m;
+        view->vehicles[view->count] = vehicle;
+        view->state_utime[view->count] = slot->state.utime;
+        view->count += 1;
+        view->controlled_count += chosen[i] ? 1 : 0;
+    }
+}
+
+/// Along the arc of constant yaw rate; the chord of an arc points along its middle heading. The
+/// chord's length is taken as the arc's: at 3 rad/s and 0.3 s the difference is below 1 %.
+void inbox_project(verge_vehicle* vehicle, double dt)
+{
+    const double speed = vehicle->speed;
+    const double acceleration = vehicle->acceleration;
+    double       moving = dt;
+    double       speed_end = speed + acceleration * dt;
+    double       acceleration_end = acceleration;
+    if (speed_end < 0.0) { // it stood still for a part of the time; acceleration is not zero
+        moving = -speed / acceleration;
+        speed_end = 0.0;
+        acceleration_end = 0.0;
+    } else if (speed_end > vg_max(speed, VERGE_SPEED_MAX)) { // nothing drives that fast
+        speed_end = vg_max(speed, VERGE_SPEED_MAX);
+        acceleration_end = 0.0;
+    }
+    const double distance = 0.5 * (speed + speed_end) * moving;
+    const bool   turns = vg_finite(vehicle->yaw_rate) && speed >= VERGE_SPEED_SLOW;
+    const double turn = turns ? vehicle->yaw_rate * moving : 0.0;
+    const double course = vehicle->heading + 0.5 * turn;
+
+    vehicle->x += distance * vg_cos(course);
+    vehicle->y += distance * vg_sin(course);
+    vehicle->heading = vg_wrap_angle(vehicle->heading + turn);
+    vehicle->speed = speed_end;
+    vehicle->acceleration = acceleration_end;
+}
+
+static int32_t capped(uint64_t count)
+{
+    return count < INT32_MAX ? (int32_t)count : INT32_MAX;
+}
+
+void inbox_fill_status(const inbox* self, const transport_stats* bus, verge_rsu_status_t* status)
+{
+    const inbox_counters* counters = &self->counters;
+    status->rx_accepted = capped(counters->rx_accepted);
+    status->rx_stale = capped(counters->rx_stale);
+    status->rx_future = capped(counters->rx_future);
+    status->rx_duplicate = capped(counters->rx_duplicate);
+    status->rx_out_of_order = capped(counters->rx_out_of_order);
+    status->rx_malformed = capped(counters->rx_malformed + bus->malformed);
+    status->rx_out_of_range = capped(counters->rx_out_of_range);
+    status->rx_off_map = capped(counters->rx_off_map);
+    status->rx_over_capacity = capped(counters->rx_over_capacity);
+    status->rx_id_conflict = capped(counters->rx_id_conflict);
+    status->rx_dropped = capped(counters->rx_dropped + bus->dropped);
+}
+
+static inbox_slot* slot_of(inbox* self, int32_t id)
+{
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        if (self->slots[i].used && self->slots[i].state.vehicle_id == id) {
+            return &self->slots[i];
+        }
+    }
+    return NULL;
+}
+
+/// An unused slot, or else the first one whose state is too old to be used again. One that is
+/// still owed a cancellation waits for the next snapshot.
+static inbox_slot* slot_free(inbox* self, int64_t now_utime)
+{
+    inbox_slot* forgotten = NULL;
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        inbox_slot* slot = &self->slots[i];
+        if (!slot->used) {
+            return slot;
+        }
+        if (forgotten == NULL && !slot->planned &&
+            age_ms(&slot->state, now_utime) > self->limits.drop_ms) {
+            forgotten = slot;
+        }
+    }
+    return forgotten;
+}
+
+/// Everything but the question of room.
+static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state,
+                                 int64_t now_utime, const verge_road* road)
+{
+    const char* fault = wire_state_check(state);
+    if (fault == NULL && road != NULL && state->target_lane != VERGE_NO_LANE &&
+        !verge_road_continues(road, state->target_lane, state->target_lane)) {
+        fault = "target_lane";
+    }
+    if (fault != NULL) {
+        self->fault_field = fault;
+        return INBOX_OUT_OF_RANGE;
+    }
+    const double age = age_ms(state, now_utime);
+    if (age < -self->limits.future_ms) {
+        return INBOX_FUTURE;
+    }
+    if (age > self->limits.drop_ms) {
+        return INBOX_STALE;
+    }
+    const inbox_slot* slot = slot_of(self, state->vehicle_id);
+    if (slot != NULL && age_ms(&slot->state, now_utime) <= self->limits.drop_ms) {
+        const inbox_verdict verdict = successor_judge(self, &slot->state, state);
+        if (verdict != INBOX_ACCEPTED) {
+            return verdict;
+        }
+    }
+    return on_map(road, state) ? INBOX_ACCEPTED : INBOX_OFF_MAP;
+}
+
+/// Can `state` follow the state held of the same id? Whoever was heard first keeps the id as
+/// long as it is heard; a second sender does not take it over, nor do the two alternate.
+static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
+                                     const verge_vehicle_state_t* state)
+{
+    const double dx = state->x - held->x;
+    const double dy = state->y - held->y;
+    if (state->utime == held->utime) {
+        return dx == 0.0 && dy == 0.0 ? INBOX_DUPLICATE : INBOX_ID_CONFLICT;
+    }
+    if (state->utime < held->utime) {
+        return INBOX_OUT_OF_ORDER;
+    }
+    const double dt = (double)(state->utime - held->utime) / 1e6;
+    const double speed = vg_max((double)state->speed, (double)held->speed);
+    const double reach = speed * dt + self->limits.jump_m;
+    return dx * dx + dy * dy <= reach * reach ? INBOX_ACCEPTED : INBOX_ID_CONFLICT;
+}
+
+static bool on_map(const verge_road* road, const verge_vehicle_state_t* state)
+{
+    if (road == NULL) {
+        return true;
+    }
+    const verge_lane_position position =
+        verge_road_project(road, state->x, state->y, (double)state->heading, VERGE_NO_LANE);
+    return position.lane_id != VERGE_NO_LANE;
+}
+
+static void verdict_count(inbox_counters* counters, inbox_verdict verdict)
+{
+    switch (verdict) {
+    case INBOX_ACCEPTED: counters->rx_accepted += 1; break;
+    case INBOX_OUT_OF_RANGE: counters->rx_out_of_range += 1; break;
+    case INBOX_FUTURE: counters->rx_future += 1; break;
+    case INBOX_STALE: counters->rx_stale += 1; break;
+    case INBOX_DUPLICATE: counters->rx_duplicate += 1; break;
+    case INBOX_OUT_OF_ORDER: counters->rx_out_of_order += 1; break;
+    case INBOX_ID_CONFLICT: counters->rx_id_conflict += 1; break;
+    case INBOX_OFF_MAP: counters->rx_off_map += 1; break;
+    case INBOX_OVER_CAPACITY: counters->rx_over_capacity += 1; break;
+    }
+}
+
+/// Insertion sort by id, unused slots last: they are nearly in order from the last time.
+static void slots_order(inbox* self)
+{
+    for (uint32_t i = 1; i < self->vehicles_max; ++i) {
+        const inbox_slot slot = self->slots[i];
+        uint32_t at = i;
+        while (at > 0 && slot.used &&
+               (!self->slots[at - 1].used ||
+                self->slots[at - 1].state.vehicle_id > slot.state.vehicle_id)) {
+            self->slots[at] = self->slots[at - 1];
+            at -= 1;
+        }
+        self->slots[at] = slot;
+    }
+}
+
+/// Two rounds over the ordered slots: whoever had a plan keeps getting one, then the others.
+static void controlled_choose(const inbox* self, int64_t plan_utime,
+                              bool chosen[VERGE_VEHICLES_MAX])
+{
+    uint32_t room = self->controlled_max;
+    for (int newcomers = 0; newcomers <= 1; ++newcomers) {
+        for (uint32_t i = 0; i < self->vehicles_max && room > 0; ++i) {
+            const inbox_slot* slot = &self->slots[i];
+            if (slot->planned != (newcomers == 1) && wants_plan(self, slot, plan_utime)) {
+                chosen[i] = true;
+                room -= 1;
+            }
+        }
+    }
+}
+
+static bool wants_plan(const inbox* self, const inbox_slot* slot, int64_t plan_utime)
+{
+    return slot->used && slot->state.controlled != 0 &&
+           age_ms(&slot->state, plan_utime) <= self->limits.fresh_ms;
+}
+
+/// Both instants are positive, so the difference cannot overflow; and it is exact up to 285 years.
+static double age_ms(const verge_vehicle_state_t* state, int64_t at_utime)
+{
+    return (double)(at_utime - state->utime) / 1000.0;
+}

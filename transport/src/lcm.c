@@ -1,0 +1,382 @@
+/// lcm: LCM's UDP multicast protocol, spoken directly.
+///
+/// One datagram holds one event: "LC02", a sequence number, the channel's name with its
+/// terminator, the payload; numbers big-endian. Our messages always fit one datagram, so longer
+/// events, which LCM cuts into "LC03" fragments, are refused unseen: LCM's library crashes on a
+/// fragment whose offset wraps around, keeps the oldest instead of the newest events and wants a
+/// thread and a heap; these few lines want none of it.
+///
+/// Receiving   A socket bound to the group's address (bound to any, it would hear every group of
+///             this port). The kernel's count of lost datagrams comes with each datagram.
+/// Sending     A second socket; the kernel picks the interface by its route to the group.
+/// Losing it   A send without a route fails, is counted, and works again when the route is back.
+///             Once a second the receiver joins the group again: where it still belongs to it
+///             nothing changes, where the interface went away it comes back with the new one. A
+///             receiving socket that is broken is replaced under its old number.
+#include "backend.h"
+#include "codec.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    HEADER_SIZE = 8,                 // magic, sequence
+    RECEIVE_BUFFER_SIZE = 1 << 20,   // [B] of the kernel: 700 datagrams wait while we plan
+    ROOM = DATAGRAM_SIZE_MAX + 64,   // [B] more than any message of ours in its frame
+};
+static const uint32_t magic_single = 0x4c433032; // "LC02"
+
+/// udpm://ADDRESS:PORT?ttl=N&recv_buf_size=N, each part optional as in LCM.
+typedef struct target {
+    struct sockaddr_in group;
+    uint8_t            ttl;
+    int                buffer_size; ///< [B] asked of the kernel; it gives net.core.rmem_max at most
+} target;
+
+typedef struct lcm {
+    target    to;
+    counters* counts;
+    // Sender only.
+    int       send_fd;
+    uint32_t  sequence;
+    // Receiver only.
+    int       receive_fd; ///< -1: opened for sending only
+    uint32_t  lost_before; ///< the kernel's count at the last datagram
+    int64_t   retry_at_s;  ///< [s] monotonic: when to join again
+    uint8_t   datagram[ROOM];
+} lcm;
+
+static bool target_parse(target* to, const char* url);
+static int  sender_open(const target* to);
+static int  receiver_open(const target* to);
+static int  group_join(int fd, const target* to);
+static void explain(char* error, size_t error_size, const char* url, int cause);
+static void receiver_mend(lcm* self, bool broken);
+static void count_lost(lcm* self, struct msghdr* message);
+static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet);
+
+static int lcm_open(void** self, const char* rest, unsigned receive, counters* counts,
+                    char* error, size_t error_size)
+{
+    *self = NULL;
+    target to;
+    if (!target_parse(&to, rest)) {
+        snprintf(error, error_size,
+                 "lcm:%s: expected udpm://ADDRESS:PORT?ttl=N with a multicast address "
+                 "(224.0.0.0 to 239.255.255.255), a port and a ttl of 0 to 255", rest);
+        return TRANSPORT_BAD_URL;
+    }
+    lcm* made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        snprintf(error, error_size, "lcm:%s: out of memory", rest);
+        return TRANSPORT_UNAVAILABLE;
+    }
+    made->to = to;
+    made->counts = counts;
+    made->send_fd = sender_open(&to);
+    made->receive_fd = -1;
+    const bool wanted = receive != 0;
+    if (made->send_fd >= 0 && wanted) {
+        made->receive_fd = receiver_open(&to);
+    }
+    if (made->send_fd < 0 || (wanted && made->receive_fd < 0)) {
+        explain(error, error_size, rest, errno);
+        if (made->send_fd >= 0) {
+            close(made->send_fd);
+        }
+        free(made);
+        return TRANSPORT_UNAVAILABLE;
+    }
+    *self = made;
+    return TRANSPORT_OK;
+}
+
+static void lcm_close(void* self)
+{
+    lcm* mine = self;
+    close(mine->send_fd);
+    if (mine->receive_fd >= 0) {
+        close(mine->receive_fd);
+    }
+    free(mine);
+}
+
+static int lcm_fd(const void* self)
+{
+    return ((const lcm*)self)->receive_fd;
+}
+
+static bool lcm_ended(const void* self)
+{
+    (void)self;
+    return false;
+}
+
+static take_result lcm_take(void* self, packet* packet)
+{
+    lcm* mine = self;
+    if (mine->receive_fd < 0) {
+        return TAKE_NOTHING;
+    }
+    char          control[CMSG_SPACE(sizeof(uint32_t))];
+    struct iovec  part = { .iov_base = mine->datagram, .iov_len = sizeof mine->datagram };
+    struct msghdr message = {
+        .msg_iov = &part,
+        .msg_iovlen = 1,
+        .msg_control = control,
+        .msg_controllen = sizeof control,
+    };
+    const ssize_t size = recvmsg(mine->receive_fd, &message, MSG_DONTWAIT);
+    if (size < 0) {
+        const bool idle = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+        if (!idle) {
+            count_up(&mine->counts->errors, 1);
+        }
+        receiver_mend(mine, !idle);
+        return TAKE_NOTHING;
+    }
+    count_lost(mine, &message);
+    packet->utime = 0;
+    packet->truncated = (message.msg_flags & MSG_TRUNC) != 0;
+    if (!frame_parse(mine->datagram, (size_t)size, packet)) {
+        count_up(&mine->counts->malformed, 1);
+        return TAKE_REFUSED;
+    }
+    return TAKE_PACKET;
+}
+
+static int lcm_send(void* self, int64_t utime, const char* channel, const uint8_t* payload,
+                    size_t size)
+{
+    (void)utime;
+    lcm*    mine = self;
+    uint8_t header[HEADER_SIZE];
+    codec_put_u32(header, magic_single);
+    codec_put_u32(header + 4, mine->sequence++);
+
+    struct iovec parts[3] = {
+        { .iov_base = header, .iov_len = sizeof header },
+        { .iov_base = (void*)(uintptr_t)channel, .iov_len = strlen(channel) + 1 },
+        { .iov_base = (void*)(uintptr_t)payload, .iov_len = size },
+    };
+    const struct msghdr message = {
+        .msg_name = &mine->to.group,
+        .msg_namelen = sizeof mine->to.group,
+        .msg_iov = parts,
+        .msg_iovlen = 3,
+    };
+    return sendmsg(mine->send_fd, &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0 ? -1 : 0;
+}
+
+/// The end of a number and its value in [0, max], or null.
+static const char* number_parse(const char* text, long max, long* value)
+{
+    char* end = NULL;
+    if (*text < '0' || *text > '9') {
+        return NULL;
+    }
+    errno = 0;
+    *value = strtol(text, &end, 10);
+    return errno == 0 && *value <= max ? end : NULL;
+}
+
+/// "ttl=1&recv_buf_size=2000000"; where it ended, or null.
+static const char* options_parse(const char* at, target* to)
+{
+    static const char ttl_key[] = "ttl=", size_key[] = "recv_buf_size=";
+    do {
+        long value = 0;
+        if (strncmp(at, ttl_key, sizeof ttl_key - 1) == 0) {
+            at = number_parse(at + sizeof ttl_key - 1, 255, &value);
+            to->ttl = (uint8_t)value;
+        } else if (strncmp(at, size_key, sizeof size_key - 1) == 0) {
+            at = number_parse(at + sizeof size_key - 1, 1 << 30, &value);
+            to->buffer_size = (int)value;
+        } else {
+            return NULL;
+        }
+    } while (at != NULL && *at++ == '&');
+    return at != NULL ? at - 1 : NULL;
+}
+
+static bool target_parse(target* to, const char* url)
+{
+    static const char scheme[] = "udpm://";
+    if (strncmp(url, scheme, sizeof scheme - 1) != 0) {
+        return false;
+    }
+    const char*  at = url + sizeof scheme - 1;
+    char         address[16] = "239.255.76.67"; // LCM's default group, port and ttl
+    long         port = 7667;
+    const size_t length = strcspn(at, ":?");
+    if (length >= sizeof address) {
+        return false;
+    }
+    if (length > 0) {
+        memcpy(address, at, length);
+        address[length] = '\0';
+    }
+    at += length;
+    if (*at == ':') {
+        at = number_parse(at + 1, 65535, &port);
+    }
+    *to = (target){ .ttl = 0, .buffer_size = RECEIVE_BUFFER_SIZE };
+    if (at != NULL && *at == '?') {
+        at = options_parse(at + 1, to);
+    }
+    if (at == NULL || *at != '\0' || port == 0) {
+        return false;
+    }
+    to->group.sin_family = AF_INET;
+    to->group.sin_port = htons((uint16_t)port);
+    return inet_pton(AF_INET, address, &to->group.sin_addr) == 1 &&
+           IN_MULTICAST(ntohl(to->group.sin_addr.s_addr));
+}
+
+/// -1 with errno. Connecting a throw-away socket asks the kernel for a route without sending.
+static int sender_open(const target* to)
+{
+    const int probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (probe < 0) {
+        return -1;
+    }
+    const int routed = connect(probe, (const struct sockaddr*)&to->group, sizeof to->group);
+    const int cause = errno;
+    close(probe);
+    if (routed != 0) {
+        errno = cause;
+        return -1;
+    }
+    const int     fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const uint8_t heard_here = 1; // other programs of this machine listen too
+    if (fd >= 0) {
+        (void)setsockopt(fd, IPPROTO_IP, IP_MULTICAST_TTL, &to->ttl, sizeof to->ttl);
+        (void)setsockopt(fd, IPPROTO_IP, IP_MULTICAST_LOOP, &heard_here, sizeof heard_here);
+    }
+    return fd;
+}
+
+/// -1 with errno.
+static int receiver_open(const target* to)
+{
+    const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd < 0) {
+        return -1;
+    }
+    const int on = 1;
+    (void)setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    (void)setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &to->buffer_size, sizeof to->buffer_size);
+    (void)setsockopt(fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+    if (bind(fd, (const struct sockaddr*)&to->group, sizeof to->group) != 0 ||
+        group_join(fd, to) != 0) {
+        const int cause = errno;
+        close(fd);
+        errno = cause;
+        return -1;
+    }
+    return fd;
+}
+
+/// 0 also where the socket belongs to the group already.
+static int group_join(int fd, const target* to)
+{
+    const struct ip_mreq membership = {
+        .imr_multiaddr = to->group.sin_addr,
+        .imr_interface.s_addr = htonl(INADDR_ANY), // the interface of the route to the group
+    };
+    const int result = setsockopt(fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership,
+                                  sizeof membership);
+    return result != 0 && errno == EADDRINUSE ? 0 : result;
+}
+
+static void explain(char* error, size_t error_size, const char* url, int cause)
+{
+    if (cause == ENETUNREACH || cause == ENODEV || cause == EADDRNOTAVAIL) {
+        snprintf(error, error_size,
+                 "lcm:%s: no multicast route on this machine; for one machine run: "
+                 "ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo", url);
+    } else {
+        snprintf(error, error_size, "lcm:%s: %s", url, strerror(cause));
+    }
+}
+
+/// At most once a second, without waiting for anything.
+static void receiver_mend(lcm* self, bool broken)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    if (now.tv_sec < self->retry_at_s) {
+        return;
+    }
+    self->retry_at_s = (int64_t)now.tv_sec + 1;
+    if (!broken) {
+        if (group_join(self->receive_fd, &self->to) != 0) {
+            count_up(&self->counts->errors, 1);
+        }
+        return;
+    }
+    const int fresh = receiver_open(&self->to);
+    if (fresh < 0) {
+        count_up(&self->counts->errors, 1);
+        return;
+    }
+    // Whoever polls keeps the number it knows.
+    if (dup3(fresh, self->receive_fd, O_CLOEXEC) >= 0) {
+        self->lost_before = 0;
+    }
+    close(fresh);
+}
+
+/// The kernel's count starts at 0 with the socket and wraps at 32 bits.
+static void count_lost(lcm* self, struct msghdr* message)
+{
+    for (struct cmsghdr* part = CMSG_FIRSTHDR(message); part != NULL;
+         part = CMSG_NXTHDR(message, part)) {
+        if (part->cmsg_level == SOL_SOCKET && part->cmsg_type == SO_RXQ_OVFL) {
+            uint32_t lost;
+            memcpy(&lost, CMSG_DATA(part), sizeof lost);
+            count_up(&self->counts->dropped, lost - self->lost_before);
+            self->lost_before = lost;
+        }
+    }
+}
+
+/// Is it an unfragmented LCM event? Then the packet's channel and payload point into it.
+static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet)
+{
+    if (size < HEADER_SIZE + 2 || codec_get_u32(bytes) != magic_single) {
+        return false;
+    }
+    const uint8_t* name = bytes + HEADER_SIZE;
+    const size_t   room = size - HEADER_SIZE;
+    const size_t   searched = room < sizeof packet->channel ? room : sizeof packet->channel;
+    const uint8_t* end = memchr(name, '\0', searched);
+    if (end == NULL || end == name) {
+        return false;
+    }
+    const size_t length = (size_t)(end - name);
+    memcpy(packet->channel, name, length + 1);
+    packet->payload = end + 1;
+    packet->size = room - length - 1;
+    return true;
+}
+
+const backend backend_lcm = {
+    .scheme = "lcm:",
+    .open = lcm_open,
+    .close = lcm_close,
+    .fd = lcm_fd,
+    .ended = lcm_ended,
+    .take = lcm_take,
+    .send = lcm_send,
+    .keeps_time = false,
+};

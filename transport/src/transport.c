@@ -1,0 +1,166 @@
+/// From a URL to a backend, and everything that is the same on every bus: encode and count on the
+/// way out; filter by channel, check, decode and count on the way in.
+#include "verge/transport.h"
+
+#include "backend.h"
+#include "codec.h"
+
+#include <assert.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/// Events looked at in one transport_drain(), wanted or not: a flood of garbage must not keep
+/// the caller away from its other work. A flood of this length takes about a millisecond.
+enum { EVENTS_PER_DRAIN_MAX = 512 };
+
+struct transport {
+    const backend* bus;
+    void*          self; ///< the backend's
+    unsigned       receive;
+    counters       counts;
+};
+
+static bool admit(transport* bus, const packet* packet, transport_message* message);
+static int  publish(transport* bus, int64_t utime, transport_kind kind, const void* value);
+
+static const backend* const backends[] = { &backend_lcm, &backend_loop, &backend_log };
+static pthread_once_t       prepared = PTHREAD_ONCE_INIT;
+
+int transport_open(transport** bus, const char* url, unsigned receive, char* error,
+                   size_t error_size)
+{
+    *bus = NULL;
+    pthread_once(&prepared, codec_prepare);
+
+    for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
+        const size_t scheme_length = strlen(backends[i]->scheme);
+        if (strncmp(url, backends[i]->scheme, scheme_length) != 0) {
+            continue;
+        }
+        transport* made = calloc(1, sizeof *made);
+        if (made == NULL) {
+            snprintf(error, error_size, "%s: out of memory", url);
+            return TRANSPORT_UNAVAILABLE;
+        }
+        made->bus = backends[i];
+        made->receive = receive;
+        const int result = made->bus->open(&made->self, url + scheme_length, receive,
+                                           &made->counts, error, error_size);
+        if (result != TRANSPORT_OK) {
+            free(made);
+            return result;
+        }
+        *bus = made;
+        return TRANSPORT_OK;
+    }
+    snprintf(error, error_size,
+             "%s: unknown bus, expected lcm:udpm://ADDRESS:PORT?ttl=N, loop:NAME or log:FILE", url);
+    return TRANSPORT_BAD_URL;
+}
+
+void transport_close(transport* bus)
+{
+    if (bus != NULL) {
+        bus->bus->close(bus->self);
+        free(bus);
+    }
+}
+
+int transport_fd(const transport* bus)
+{
+    return bus->bus->fd(bus->self);
+}
+
+bool transport_ended(const transport* bus)
+{
+    return bus->bus->ended(bus->self);
+}
+
+uint32_t transport_drain(transport* bus, transport_message* messages, uint32_t max)
+{
+    uint32_t count = 0;
+    packet   packet;
+    for (uint32_t event = 0; event < EVENTS_PER_DRAIN_MAX && count < max; ++event) {
+        const take_result taken = bus->bus->take(bus->self, &packet);
+        if (taken == TAKE_NOTHING) {
+            break;
+        }
+        if (taken == TAKE_PACKET && admit(bus, &packet, &messages[count])) {
+            ++count;
+        }
+    }
+    count_up(&bus->counts.received, count);
+    return count;
+}
+
+int transport_publish_state(transport* bus, const verge_vehicle_state_t* state)
+{
+    return publish(bus, backend_utime_now(), TRANSPORT_STATE, state);
+}
+
+int transport_publish_plan(transport* bus, const verge_vehicle_plan_t* plan)
+{
+    return publish(bus, backend_utime_now(), TRANSPORT_PLAN, plan);
+}
+
+int transport_publish_status(transport* bus, const verge_rsu_status_t* status)
+{
+    return publish(bus, backend_utime_now(), TRANSPORT_STATUS, status);
+}
+
+int transport_record(transport* bus, int64_t event_utime, const transport_message* message)
+{
+    if (!bus->bus->keeps_time || codec_size(message->kind) == 0) {
+        count_up(&bus->counts.errors, 1);
+        return -1;
+    }
+    return publish(bus, event_utime, message->kind, &message->as);
+}
+
+transport_stats transport_statistics(const transport* bus)
+{
+    const counters* counts = &bus->counts;
+    return (transport_stats){
+        .received = atomic_load(&counts->received),
+        .published = atomic_load(&counts->published),
+        .malformed = atomic_load(&counts->malformed),
+        .foreign = atomic_load(&counts->foreign),
+        .dropped = atomic_load(&counts->dropped),
+        .errors = atomic_load(&counts->errors),
+    };
+}
+
+/// Only what was asked for and is whole gets in.
+static bool admit(transport* bus, const packet* packet, transport_message* message)
+{
+    const transport_kind kind = codec_kind(packet->channel);
+    if (kind == TRANSPORT_NONE || (bus->receive & 1u << kind) == 0) {
+        count_up(&bus->counts.foreign, 1);
+        return false;
+    }
+    if (packet->truncated || !codec_decode(kind, packet->payload, packet->size, message)) {
+        count_up(&bus->counts.malformed, 1);
+        return false;
+    }
+    message->arrival_utime = packet->utime != 0 ? packet->utime : backend_utime_now();
+    return true;
+}
+
+static int publish(transport* bus, int64_t utime, transport_kind kind, const void* value)
+{
+    uint8_t      bytes[CODEC_SIZE_MAX];
+    const size_t size = codec_encode(kind, value, bytes);
+    const int    result = bus->bus->send(bus->self, utime, codec_channel(kind), bytes, size);
+    count_up(result == 0 ? &bus->counts.published : &bus->counts.errors, 1);
+    return result;
+}
+
+int64_t backend_utime_now(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
+}

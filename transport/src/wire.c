@@ -1,0 +1,322 @@
+/// The checks are tables: one line a field, so that a missing line shows.
+#include "verge/wire.h"
+
+#include <assert.h>
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+
+/// A heading of +pi as a float is 9e-8 above pi; clients may round once more.
+#define HEADING_MAX (3.14159265358979323846 + 1e-6)
+#define POSITION_MAX 1e6 // [m] where a double still resolves a nanometre
+#define SPEED_MAX 60.0 // [m/s] see wire.h
+#define ACCELERATION_MAX 20.0 // [m/s^2] a crash brakes harder, a car does not
+#define CURVATURE_MAX 10.0 // [1/m] turning on the spot is no car's motion
+
+typedef enum unknown {
+    KNOWN,            ///< the value must be there
+    NAN_UNKNOWN,      ///< NaN is allowed
+    NEGATIVE_UNKNOWN, ///< NaN and anything finite below zero are allowed
+} unknown;
+
+/// One row of a check: a value as double (all of our integers but utimes fit exactly).
+typedef struct row {
+    const char* field;
+    double      value, min, max;
+    unknown     unknown;
+} row;
+
+static const char*         rows_check(const row* rows, size_t count);
+static const char*         actions_check(const verge_vehicle_plan_t* plan);
+static const char*         points_check(const verge_vehicle_plan_t* plan);
+static bool                continues(const verge_action_step* before, const verge_action_step* step);
+static verge_plan_action_t action_from_step(const verge_action_step* step);
+static int32_t             milliseconds(double seconds);
+
+const char* wire_state_check(const verge_vehicle_state_t* state)
+{
+    const row rows[] = {
+        { "vehicle_id", state->vehicle_id, 0, INT32_MAX, KNOWN },
+        { "controlled", state->controlled, 0, 1, KNOWN },
+        { "x", state->x, -POSITION_MAX, POSITION_MAX, KNOWN },
+        { "y", state->y, -POSITION_MAX, POSITION_MAX, KNOWN },
+        { "heading", state->heading, -HEADING_MAX, HEADING_MAX, KNOWN },
+        { "speed", state->speed, 0, SPEED_MAX, KNOWN },
+        { "acceleration", state->acceleration, -ACCELERATION_MAX, ACCELERATION_MAX, KNOWN },
+        { "yaw_rate", state->yaw_rate, -3.0, 3.0, NAN_UNKNOWN },
+        { "length", state->length, 0.5, 30.0, KNOWN },
+        { "width", state->width, 0.3, 4.0, KNOWN },
+        { "position_sigma", state->position_sigma, 0, 100.0, NEGATIVE_UNKNOWN },
+        { "target_lane", state->target_lane, -1, INT32_MAX, KNOWN },
+        { "habit", state->habit, VERGE_AGGRESSIVE, VERGE_CONSERVATIVE, KNOWN },
+        { "cooperation", state->cooperation, 0, 1, NAN_UNKNOWN },
+        { "followed_cycle", state->followed_cycle, -1, INT32_MAX, KNOWN },
+    };
+    if (state->utime <= 0) {
+        return "utime";
+    }
+    return rows_check(rows, sizeof rows / sizeof rows[0]);
+}
+
+const char* wire_plan_check(const verge_vehicle_plan_t* plan)
+{
+    const bool cancelled = plan->status == VERGE_CANCELLED;
+    const row  rows[] = {
+        { "rsu_id", plan->rsu_id, 0, INT32_MAX, KNOWN },
+        { "cycle", plan->cycle, 0, INT32_MAX, KNOWN },
+        { "plans_in_cycle", plan->plans_in_cycle, 0, INT32_MAX, KNOWN },
+        { "vehicle_id", plan->vehicle_id, 0, INT32_MAX, KNOWN },
+        { "status", plan->status, VERGE_PLANNED, VERGE_CANCELLED, KNOWN },
+        { "reason", plan->reason, 0, INT16_MAX, KNOWN }, // later versions may know more
+        { "action_count", plan->action_count, 0, WIRE_ACTIONS_MAX, KNOWN },
+        { "point_count", plan->point_count, cancelled ? 0 : 2, WIRE_POINTS_MAX, KNOWN },
+        { "dt_ms", plan->dt_ms, plan->point_count == 0 ? 0 : 1, 1000, KNOWN },
+    };
+    if (plan->utime <= 0) {
+        return "utime";
+    }
+    if (plan->valid_until_utime < plan->utime) {
+        return "valid_until_utime";
+    }
+    if (plan->state_utime < 0) {
+        return "state_utime";
+    }
+    const char* fault = rows_check(rows, sizeof rows / sizeof rows[0]);
+    if (fault == NULL) {
+        fault = actions_check(plan);
+    }
+    return fault != NULL ? fault : points_check(plan);
+}
+
+verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state)
+{
+    assert(wire_state_check(state) == NULL);
+
+    verge_vehicle vehicle = verge_vehicle_default();
+    vehicle.id = state->vehicle_id;
+    vehicle.controlled = state->controlled != 0;
+    vehicle.x = state->x;
+    vehicle.y = state->y;
+    vehicle.heading = (double)state->heading;
+    vehicle.speed = (double)state->speed;
+    vehicle.acceleration = (double)state->acceleration;
+    vehicle.yaw_rate = (double)state->yaw_rate;
+    vehicle.length = (double)state->length;
+    vehicle.width = (double)state->width;
+    vehicle.margin = 0.0;
+    vehicle.target_lane = state->target_lane;
+    vehicle.habit = verge_habit_of((verge_habit_kind)state->habit);
+    if (!isnan(state->cooperation)) {
+        vehicle.habit.cooperation = (double)state->cooperation;
+    }
+    return vehicle;
+}
+
+verge_vehicle_state_t wire_state_from_vehicle(const verge_vehicle* vehicle, verge_habit_kind habit,
+                                              int64_t utime, int32_t sequence,
+                                              int32_t followed_cycle)
+{
+    const verge_habit usual = verge_habit_of(habit);
+    const bool own_mind = vehicle->habit.cooperation != usual.cooperation;
+    return (verge_vehicle_state_t){
+        .utime = utime,
+        .vehicle_id = vehicle->id,
+        .sequence = sequence,
+        .controlled = vehicle->controlled ? 1 : 0,
+        .x = vehicle->x,
+        .y = vehicle->y,
+        .heading = (float)vehicle->heading,
+        .speed = (float)vehicle->speed,
+        .acceleration = (float)vehicle->acceleration,
+        .yaw_rate = (float)vehicle->yaw_rate,
+        .length = (float)vehicle->length,
+        .width = (float)vehicle->width,
+        .position_sigma = NAN,
+        .target_lane = vehicle->target_lane,
+        .habit = (int16_t)habit,
+        .cooperation = own_mind ? (float)vehicle->habit.cooperation : NAN,
+        .followed_cycle = followed_cycle,
+    };
+}
+
+verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
+                                                 const verge_vehicle_plan* plan)
+{
+    assert(plan->action_count <= VERGE_STEPS_MAX && plan->point_count <= VERGE_POINTS_MAX);
+
+    verge_vehicle_plan_t message = wire_plan_cancelled(header, plan->vehicle_id, plan->reason);
+    message.status = (int16_t)plan->status;
+
+    int32_t count = 0;
+    for (uint32_t i = 0; i < plan->action_count; ++i) {
+        const verge_action_step*  step = &plan->actions[i];
+        const verge_plan_action_t action = action_from_step(step);
+        if (i > 0 && continues(step - 1, step)) {
+            message.actions[count - 1].t1_ms = action.t1_ms;
+            message.actions[count - 1].speed = action.speed;
+        } else if (count < WIRE_ACTIONS_MAX) {
+            message.actions[count++] = action;
+        } else {
+            break;
+        }
+    }
+    message.action_count = count;
+
+    const uint32_t points = plan->point_count < WIRE_POINTS_MAX ? plan->point_count
+                                                                : (uint32_t)WIRE_POINTS_MAX;
+    for (uint32_t i = 0; i < points; ++i) {
+        const verge_point* point = &plan->points[i];
+        message.points[i] = (verge_plan_point_t){
+            .x = point->x,
+            .y = point->y,
+            .heading = (float)point->heading,
+            .speed = (float)point->speed,
+            .acceleration = (float)point->acceleration,
+            .curvature = (float)point->curvature,
+        };
+    }
+    message.point_count = (int32_t)points;
+    message.dt_ms = points > 1 ? milliseconds(plan->points[1].t - plan->points[0].t) : 0;
+    return message;
+}
+
+verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t vehicle_id,
+                                         verge_reason reason)
+{
+    return (verge_vehicle_plan_t){
+        .utime = header->utime,
+        .valid_until_utime = header->valid_until_utime,
+        .rsu_id = header->rsu_id,
+        .cycle = header->cycle,
+        .plans_in_cycle = header->plans_in_cycle,
+        .vehicle_id = vehicle_id,
+        .state_utime = header->state_utime,
+        .status = VERGE_CANCELLED,
+        .reason = (int16_t)reason,
+        .digest = (int64_t)header->digest,
+    };
+}
+
+uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,
+                               verge_point points[VERGE_POINTS_MAX])
+{
+    assert(wire_plan_check(plan) == NULL);
+
+    const uint32_t sent = (uint32_t)plan->point_count;
+    const uint32_t count = sent < VERGE_POINTS_MAX ? sent : VERGE_POINTS_MAX;
+    const double   dt = plan->dt_ms / 1000.0;
+    for (uint32_t i = 0; i < count; ++i) {
+        const verge_plan_point_t* point = &plan->points[i];
+        const bool   last = i + 1 == count;
+        const double next = last ? 0.0 : (double)point[1].acceleration;
+        const double now = (double)point->acceleration;
+        points[i] = (verge_point){
+            .t = (int32_t)i * plan->dt_ms / 1000.0,
+            .x = point->x,
+            .y = point->y,
+            .heading = (double)point->heading,
+            .speed = (double)point->speed,
+            .acceleration = now,
+            .curvature = (double)point->curvature,
+            .jerk = last ? 0.0 : (next - now) / dt,
+        };
+    }
+    return count;
+}
+
+const verge_plan_action_t* wire_action_at(const verge_vehicle_plan_t* plan, int64_t utime)
+{
+    const verge_plan_action_t* found = NULL;
+    for (int32_t i = 0; i < plan->action_count && i < WIRE_ACTIONS_MAX; ++i) {
+        if (plan->utime + (int64_t)plan->actions[i].t0_ms * 1000 <= utime) {
+            found = &plan->actions[i];
+        }
+    }
+    return found;
+}
+
+static const char* rows_check(const row* rows, size_t count)
+{
+    for (size_t i = 0; i < count; ++i) {
+        const row* r = &rows[i];
+        if (isnan(r->value)) {
+            if (r->unknown == KNOWN) {
+                return r->field;
+            }
+            continue;
+        }
+        const double min = r->unknown == NEGATIVE_UNKNOWN ? -(double)FLT_MAX : r->min;
+        if (!(r->value >= min && r->value <= r->max)) {
+            return r->field;
+        }
+    }
+    return NULL;
+}
+
+static const char* actions_check(const verge_vehicle_plan_t* plan)
+{
+    for (int32_t i = 0; i < plan->action_count; ++i) {
+        const verge_plan_action_t* action = &plan->actions[i];
+        const row rows[] = {
+            { "actions.action", action->action, 0, VERGE_ACTION_COUNT - 1, KNOWN },
+            { "actions.lane", action->lane, -1, INT32_MAX, KNOWN },
+            { "actions.brake_light", action->brake_light, 0, 1, KNOWN },
+            { "actions.turn_signal", action->turn_signal, -1, 1, KNOWN },
+            { "actions.t0_ms", action->t0_ms, 0, 60000, KNOWN },
+            { "actions.t1_ms", action->t1_ms, action->t0_ms, 60000, KNOWN },
+            { "actions.speed", action->speed, 0, SPEED_MAX, KNOWN },
+        };
+        const char* fault = rows_check(rows, sizeof rows / sizeof rows[0]);
+        if (fault != NULL) {
+            return fault;
+        }
+    }
+    return NULL;
+}
+
+static const char* points_check(const verge_vehicle_plan_t* plan)
+{
+    for (int32_t i = 0; i < plan->point_count; ++i) {
+        const verge_plan_point_t* point = &plan->points[i];
+        const row rows[] = {
+            { "points.x", point->x, -POSITION_MAX, POSITION_MAX, KNOWN },
+            { "points.y", point->y, -POSITION_MAX, POSITION_MAX, KNOWN },
+            { "points.heading", point->heading, -HEADING_MAX, HEADING_MAX, KNOWN },
+            { "points.speed", point->speed, 0, SPEED_MAX, KNOWN },
+            { "points.acceleration", point->acceleration, -ACCELERATION_MAX, ACCELERATION_MAX,
+              KNOWN },
+            { "points.curvature", point->curvature, -CURVATURE_MAX, CURVATURE_MAX, KNOWN },
+        };
+        const char* fault = rows_check(rows, sizeof rows / sizeof rows[0]);
+        if (fault != NULL) {
+            return fault;
+        }
+    }
+    return NULL;
+}
+
+static bool continues(const verge_action_step* before, const verge_action_step* step)
+{
+    return before->action == step->action && before->lane_id == step->lane_id &&
+           before->brake_light == step->brake_light && before->turn_signal == step->turn_signal;
+}
+
+static verge_plan_action_t action_from_step(const verge_action_step* step)
+{
+    return (verge_plan_action_t){
+        .action = (int16_t)step->action,
+        .lane = step->lane_id,
+        .brake_light = step->brake_light ? 1 : 0,
+        .turn_signal = (int16_t)step->turn_signal,
+        .t0_ms = milliseconds(step->t0),
+        .t1_ms = milliseconds(step->t1),
+        .speed = (float)step->v,
+    };
+}
+
+/// Rounded to the nearest; 0 .. an hour, so that the conversion is always defined.
+static int32_t milliseconds(double seconds)
+{
+    const double rounded = seconds * 1000.0 + 0.5;
+    return rounded >= 0.0 && rounded <= 3.6e6 ? (int32_t)rounded : 0;
+}

@@ -42,7 +42,7 @@ esac
 mkdir -p "$build"
 { cmake -S "$source_dir/tests/determinism" -B "$build" "${arguments[@]}" &&
     cmake --build "$build" --target verge_digest; } >"$build/log.txt" 2>&1 ||
-    { cat "$build/log.txt" >&2; exit 1; }
+    { grep -E -A3 'error|undefined' "$build/log.txt" >&2 || tail -20 "$build/log.txt" >&2; exit 1; }
 
 actual=$build/digests.txt
 started=$SECONDS

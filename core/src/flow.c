@@ -215,34 +215,46 @@ void vg_flow_derive(const vg_scene* scene, vg_flow* flow)
     }
 }
 
-static void lookup(const vg_scene* scene, vg_flow* flow, uint32_t slot)
+// Where a station falls among a lane's bins, held at the ends.
+typedef struct bin_place {
+    const vg_bin* here;
+    float t;      // [1] from this bin to the next
+    bool  inside; // not beyond the lane's ends
+} bin_place;
+
+INLINE bin_place bin_of(const vg_lane* lane, float station)
 {
-    const vg_lane* lane = &scene->road->lanes[flow->lane[slot]];
-    const float at = (flow->station[slot] - (float)lane->station_start) * (float)(1.0 / VG_BIN);
+    const float at = (station - (float)lane->station_start) * (float)(1.0 / VG_BIN);
     const float last = (float)(lane->bin_count - 1u);
     VERGE_ASSERT(lane->bin_count >= 2 && at == at);
     const float clamped = at < 0.0f ? 0.0f : at > last ? last : at;
     uint32_t bin = (uint32_t)clamped;
     bin = bin > lane->bin_count - 2u ? lane->bin_count - 2u : bin;
-    const vg_bin* here = &lane->bins[bin];
-    const float t = clamped - (float)bin;
-    flow->y[slot] = here[0].lateral + t * (here[1].lateral - here[0].lateral) + flow->d[slot];
-    flow->rate[slot] = (here[1].s - here[0].s) * (float)(1.0 / VG_BIN);
-    const vg_bin* nearest = t < 0.5f ? here : here + 1;
-    const bool on_lane = at >= 0.0f && at <= last;
-    flow->left_gap[slot] = on_lane ? nearest->left_gap : 0.0f;
-    flow->right_gap[slot] = on_lane ? nearest->right_gap : 0.0f;
+    return (bin_place){ &lane->bins[bin], clamped - (float)bin, at >= 0.0f && at <= last };
+}
+
+INLINE float centre_at(bin_place place)
+{
+    return place.here[0].lateral + place.t * (place.here[1].lateral - place.here[0].lateral);
 }
 
 float vg_lane_lateral(const vg_lane* lane, float station)
 {
-    const float at = (station - (float)lane->station_start) * (float)(1.0 / VG_BIN);
-    const float last = (float)(lane->bin_count - 1u);
-    const float clamped = at < 0.0f ? 0.0f : at > last ? last : at;
-    uint32_t bin = (uint32_t)clamped;
-    bin = bin > lane->bin_count - 2u ? lane->bin_count - 2u : bin;
-    const vg_bin* here = &lane->bins[bin];
-    return here[0].lateral + (clamped - (float)bin) * (here[1].lateral - here[0].lateral);
+    return centre_at(bin_of(lane, station));
+}
+
+INLINE void note_place(vg_flow* flow, uint32_t slot, bin_place place)
+{
+    const vg_bin* nearest = place.t < 0.5f ? place.here : place.here + 1;
+    flow->y[slot] = centre_at(place) + flow->d[slot];
+    flow->rate[slot] = (place.here[1].s - place.here[0].s) * (float)(1.0 / VG_BIN);
+    flow->left_gap[slot] = place.inside ? nearest->left_gap : 0.0f;
+    flow->right_gap[slot] = place.inside ? nearest->right_gap : 0.0f;
+}
+
+static void lookup(const vg_scene* scene, vg_flow* flow, uint32_t slot)
+{
+    note_place(flow, slot, bin_of(&scene->road->lanes[flow->lane[slot]], flow->station[slot]));
 }
 
 static void see(const vg_scene* scene, const vg_flow* flow, uint32_t seen, uint32_t looker)
@@ -790,15 +802,18 @@ static void settle(const vg_scene* scene, vg_flow* next, uint32_t slot, uint8_t 
     const verge_road* road = scene->road;
     const vg_lane* lane = &road->lanes[next->lane[slot]];
     const float station = next->station[slot];
-    float d = next->y[slot] - vg_lane_lateral(lane, station);
+    bin_place place = bin_of(lane, station);
+    float d = next->y[slot] - centre_at(place);
     if (action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT) {
         const int32_t beside = action == VERGE_CHANGE_LEFT ? lane->left : lane->right;
         if (beside >= 0) {
-            const float other = next->y[slot] - vg_lane_lateral(&road->lanes[beside], station);
+            const bin_place there = bin_of(&road->lanes[beside], station);
+            const float other = next->y[slot] - centre_at(there);
             // A hair beyond half the way: a partial change that ends on the border has not crossed.
             if (other * other < d * d - 0.01f) {
                 next->lane[slot] = beside;
                 lane = &road->lanes[beside];
+                place = there;
                 d = other;
             }
         }
@@ -811,11 +826,11 @@ static void settle(const vg_scene* scene, vg_flow* next, uint32_t slot, uint8_t 
         if (on >= 0) {
             const float beyond = (station - (float)lane->station_end) * next->rate[slot];
             next->lane[slot] = on;
-            next->station[slot] =
-                (float)vg_lane_station(&road->lanes[on], (double)beyond);
+            next->station[slot] = (float)vg_lane_station(&road->lanes[on], (double)beyond);
+            place = bin_of(&road->lanes[on], next->station[slot]);
         }
     }
-    lookup(scene, next, slot);
+    note_place(next, slot, place);
 }
 
 static void earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot, uint8_t action)

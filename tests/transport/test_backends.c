@@ -1,0 +1,569 @@
+/// Goal: every bus keeps the same promises, and a bus that is missing or goes away is an answer,
+///       not an accident.
+/// Method: one body of cases run on loop:, lcm: and log:; then what is special about each, with
+///         networks made for the purpose (a child process in a network of its own).
+#include "check.h"
+#include "codec.h"
+#include "rng.h"
+#include "verge/transport.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <math.h>
+#include <net/if.h>
+#include <net/route.h>
+#include <poll.h>
+#include <sched.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+int unshare(int flags); // sched.h declares it for _GNU_SOURCE only
+#ifndef CLONE_NEWUSER
+#define CLONE_NEWUSER 0x10000000
+#define CLONE_NEWNET 0x40000000
+#endif
+
+static const char* lcm_url(void)
+{
+    const char* given = getenv("VERGE_TEST_LCM_URL");
+    return given != NULL ? given : "lcm:udpm://239.255.76.67:7667?ttl=0";
+}
+
+static char log_path[64];
+static char log_url[80];
+
+static transport* open_or_fail(const char* url, unsigned receive)
+{
+    char       error[256] = "";
+    transport* bus = NULL;
+    if (transport_open(&bus, url, receive, error, sizeof error) != TRANSPORT_OK) {
+        fail_msg("%s", error);
+    }
+    return bus;
+}
+
+static verge_vehicle_state_t car(int32_t id)
+{
+    return (verge_vehicle_state_t){
+        .utime = 1700000000000000 + id, .vehicle_id = id, .x = 1.5 * id, .speed = 10.0f,
+        .yaw_rate = NAN, .length = 5.0f, .width = 2.0f,
+    };
+}
+
+// ---------------------------------------------------------------- one body of cases
+
+/// A bus with a sending and a receiving end. On log: the receiver opens what the sender closed.
+typedef struct fixture {
+    const char* url;
+    bool        is_log;
+    transport * sender, *receiver;
+} fixture;
+
+static void fixture_open(fixture* f, unsigned receive)
+{
+    f->receiver = f->is_log ? NULL : open_or_fail(f->url, receive);
+    f->sender = open_or_fail(f->url, f->is_log ? TRANSPORT_RECORD : 0);
+}
+
+static void fixture_turn(fixture* f, unsigned receive)
+{
+    if (f->is_log) {
+        transport_close(f->sender);
+        f->sender = NULL;
+        f->receiver = open_or_fail(f->url, receive);
+    }
+}
+
+static void fixture_close(fixture* f)
+{
+    transport_close(f->sender);
+    transport_close(f->receiver);
+}
+
+/// Drains until count messages came, the log ended or nothing came for two seconds.
+static uint32_t collect(fixture* f, transport_message* messages, uint32_t count)
+{
+    uint32_t got = 0;
+    while (got < count) {
+        const uint32_t more = transport_drain(f->receiver, messages + got, count - got);
+        got += more;
+        if (more > 0) {
+            continue;
+        }
+        struct pollfd fd = { .fd = transport_fd(f->receiver), .events = POLLIN };
+        if (transport_ended(f->receiver) || (fd.fd >= 0 && poll(&fd, 1, 2000) == 0)) {
+            break;
+        }
+    }
+    return got;
+}
+
+static void check_delivery(fixture f)
+{
+    static transport_message messages[160];
+    const unsigned wanted = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES;
+    fixture_open(&f, wanted);
+
+    for (int32_t id = 0; id < 50; ++id) {
+        const verge_vehicle_state_t state = car(id);
+        const verge_vehicle_plan_t  plan = { .vehicle_id = id, .points[30].x = 0.5 * id };
+        const verge_rsu_status_t    status = { .cycle = id, .nodes_peak = 7 };
+        assert_int_equal(transport_publish_state(f.sender, &state), 0);
+        assert_int_equal(transport_publish_plan(f.sender, &plan), 0);
+        assert_int_equal(transport_publish_status(f.sender, &status), 0);
+    }
+    fixture_turn(&f, wanted);
+
+    assert_int_equal(collect(&f, messages, 150), 150);
+    for (int32_t id = 0; id < 50; ++id) { // each kind once, in the order sent
+        const transport_message* m = &messages[3 * id];
+        assert_int_equal(m[0].kind, TRANSPORT_STATE);
+        assert_int_equal(m[0].as.state.vehicle_id, id);
+        CHECK_SAME_BITS(m[0].as.state.x, 1.5 * id);
+        assert_true(isnan(m[0].as.state.yaw_rate));
+        assert_int_equal(m[1].kind, TRANSPORT_PLAN);
+        CHECK_SAME_BITS(m[1].as.plan.points[30].x, 0.5 * id);
+        assert_int_equal(m[2].kind, TRANSPORT_STATUS);
+        assert_int_equal(m[2].as.status.cycle, id);
+        assert_true(m[0].arrival_utime > 1600000000000000);
+    }
+    assert_int_equal(transport_drain(f.receiver, messages, 160), 0);
+    assert_int_equal(transport_statistics(f.receiver).received, 150);
+    assert_int_equal(transport_statistics(f.receiver).malformed, 0);
+    if (f.sender != NULL) {
+        assert_int_equal(transport_statistics(f.sender).published, 150);
+    }
+    fixture_close(&f);
+}
+
+static void check_filter(fixture f)
+{
+    static transport_message messages[4];
+    fixture_open(&f, TRANSPORT_PLANS);
+
+    const verge_vehicle_state_t state = car(1);
+    const verge_vehicle_plan_t  plan = { .vehicle_id = 9 };
+    transport_publish_state(f.sender, &state);
+    transport_publish_state(f.sender, &state);
+    transport_publish_plan(f.sender, &plan);
+    fixture_turn(&f, TRANSPORT_PLANS);
+
+    assert_int_equal(collect(&f, messages, 1), 1);
+    assert_int_equal(messages[0].kind, TRANSPORT_PLAN);
+    assert_int_equal(messages[0].as.plan.vehicle_id, 9);
+    assert_int_equal(transport_statistics(f.receiver).foreign, 2);
+    fixture_close(&f);
+}
+
+static void check_portions(fixture f)
+{
+    static transport_message messages[8];
+    fixture_open(&f, TRANSPORT_STATES);
+    for (int32_t id = 0; id < 20; ++id) {
+        const verge_vehicle_state_t state = car(id);
+        transport_publish_state(f.sender, &state);
+    }
+    fixture_turn(&f, TRANSPORT_STATES);
+
+    int32_t next = 0;
+    for (uint32_t got = 1; got > 0;) { // never more than asked for, none lost in between
+        got = collect(&f, messages, 5);
+        assert_true(got <= 5);
+        for (uint32_t i = 0; i < got; ++i) {
+            assert_int_equal(messages[i].as.state.vehicle_id, next++);
+        }
+        if (next == 20) {
+            break;
+        }
+    }
+    assert_int_equal(next, 20);
+    fixture_close(&f);
+}
+
+static void check_all(fixture f)
+{
+    check_delivery(f);
+    check_filter(f);
+    check_portions(f);
+}
+
+static void test_loop_delivers_filters_and_portions(void** state)
+{
+    (void)state;
+    check_all((fixture){ .url = "loop:cases" });
+}
+
+static void test_log_delivers_filters_and_portions(void** state)
+{
+    (void)state;
+    check_all((fixture){ .url = log_url, .is_log = true });
+}
+
+static void test_lcm_delivers_filters_and_portions(void** state)
+{
+    (void)state;
+    char       error[256];
+    transport* bus = NULL;
+    if (transport_open(&bus, lcm_url(), 0, error, sizeof error) == TRANSPORT_UNAVAILABLE) {
+        printf("             SKIPPED: %s\n", error);
+        skip();
+    }
+    transport_close(bus);
+    check_all((fixture){ .url = lcm_url() });
+}
+
+// ---------------------------------------------------------------- URLs
+
+static void test_urls_that_are_none_are_refused_with_what_was_expected(void** state)
+{
+    (void)state;
+    static const char* const bad[] = {
+        "", "lcm", "lcm:", "tcp:1", "lcm:udpm", "lcm:udpm://1.2.3.4:7667", "lcm:udpm://a.b:7",
+        "lcm:udpm://239.255.76.67:0", "lcm:udpm://239.255.76.67:65536",
+        "lcm:udpm://239.255.76.67:7667?ttl=256", "lcm:udpm://239.255.76.67:7667?ttl=",
+        "lcm:udpm://239.255.76.67:7667?ttl=0&", "lcm:udpm://239.255.76.67:7667?tll=0",
+        "lcm:udpm://239.255.76.67:76x7", "lcm:udpm://239.255.76.67.239.255.76.67:7667", "log:",
+        "loop:a-name-of-more-than-sixty-three-characters-is-longer-than-any-name-needs-to-be",
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; ++i) {
+        char       error[256] = "";
+        transport* bus = (transport*)&error;
+        assert_int_equal(transport_open(&bus, bad[i], TRANSPORT_STATES, error, sizeof error),
+                         TRANSPORT_BAD_URL);
+        assert_null(bus);
+        assert_true(strlen(error) > 20);
+        assert_null(strchr(error, '\n'));
+    }
+    transport_close(NULL);
+}
+
+static void test_a_missing_log_is_unavailable(void** state)
+{
+    (void)state;
+    char       error[256];
+    transport* bus;
+    assert_int_equal(transport_open(&bus, "log:/nowhere/at/all", TRANSPORT_STATES, error, 256),
+                     TRANSPORT_UNAVAILABLE);
+    assert_non_null(strstr(error, "/nowhere/at/all"));
+    assert_int_equal(transport_open(&bus, "log:/tmp", TRANSPORT_STATES, error, 256),
+                     TRANSPORT_UNAVAILABLE);
+}
+
+// ---------------------------------------------------------------- loop
+
+static void test_loop_keeps_the_newest_and_counts_what_it_gave_up(void** state)
+{
+    (void)state;
+    static transport_message messages[400];
+    fixture f = { .url = "loop:full" };
+    fixture_open(&f, TRANSPORT_STATES);
+    transport* other = open_or_fail("loop:elsewhere", TRANSPORT_STATES);
+    for (int32_t id = 0; id < 300; ++id) {
+        const verge_vehicle_state_t car_state = car(id);
+        transport_publish_state(f.sender, &car_state);
+    }
+    const uint32_t got = transport_drain(f.receiver, messages, 400);
+    assert_int_equal(got + transport_statistics(f.receiver).dropped, 300);
+    assert_true(transport_statistics(f.receiver).dropped > 0);
+    assert_int_equal(messages[got - 1].as.state.vehicle_id, 299);
+    assert_int_equal(transport_drain(other, messages, 400), 0);
+    assert_int_equal(transport_drain(f.sender, messages, 400), 0); // not its own
+
+    struct pollfd fd = { .fd = transport_fd(f.receiver), .events = POLLIN };
+    assert_int_equal(poll(&fd, 1, 0), 0); // empty again, and says so
+    transport_close(other);
+    fixture_close(&f);
+}
+
+// ---------------------------------------------------------------- log
+
+static void record_ten(void)
+{
+    transport* log = open_or_fail(log_url, TRANSPORT_RECORD);
+    for (int32_t id = 0; id < 10; ++id) {
+        transport_message m = { .kind = TRANSPORT_STATE, .as.state = car(id) };
+        assert_int_equal(transport_record(log, 1000 + id, &m), 0);
+        m = (transport_message){ .kind = TRANSPORT_MARK, .as.mark = { 1000 + id, id, id % 2 } };
+        assert_int_equal(transport_record(log, 1000 + id, &m), 0);
+    }
+    assert_int_equal(transport_drain(log, &(transport_message){ 0 }, 1), 0);
+    assert_true(transport_ended(log));
+    transport_close(log);
+}
+
+static size_t file_read(uint8_t* bytes, size_t room)
+{
+    FILE* file = fopen(log_path, "rb");
+    assert_non_null(file);
+    const size_t size = fread(bytes, 1, room, file);
+    fclose(file);
+    return size;
+}
+
+static void file_write(const uint8_t* bytes, size_t size)
+{
+    FILE* file = fopen(log_path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(bytes, 1, size, file), size);
+    fclose(file);
+}
+
+/// Reads the whole log; the states must be a run of car(0), car(1), ... with some left out.
+static uint32_t log_states(transport_stats* stats)
+{
+    transport*        log = open_or_fail(log_url, TRANSPORT_STATES);
+    transport_message m;
+    uint32_t          count = 0;
+    int32_t           last = -1;
+    while (!transport_ended(log)) {
+        if (transport_drain(log, &m, 1) == 1) {
+            assert_true(m.as.state.vehicle_id > last);
+            last = m.as.state.vehicle_id;
+            assert_int_equal(m.arrival_utime, 1000 + last);
+            ++count;
+        }
+    }
+    *stats = transport_statistics(log);
+    transport_close(log);
+    return count;
+}
+
+static void test_a_log_gives_back_events_with_their_own_time_and_marks(void** state)
+{
+    (void)state;
+    record_ten();
+    transport*        log = open_or_fail(log_url, TRANSPORT_STATES | TRANSPORT_MARKS);
+    transport_message m[20];
+    assert_int_equal(transport_fd(log), -1);
+    assert_int_equal(transport_drain(log, m, 20), 20);
+    for (int i = 0; i < 10; ++i) {
+        assert_int_equal(m[2 * i].kind, TRANSPORT_STATE);
+        assert_int_equal(m[2 * i].arrival_utime, 1000 + i);
+        assert_int_equal(m[2 * i + 1].kind, TRANSPORT_MARK);
+        assert_int_equal(m[2 * i + 1].as.mark.cycle, i);
+        assert_int_equal(m[2 * i + 1].as.mark.overrun, i % 2);
+    }
+    assert_int_equal(transport_drain(log, m, 20), 0);
+    assert_true(transport_ended(log));
+    const verge_vehicle_state_t car_state = car(1);
+    assert_int_equal(transport_publish_state(log, &car_state), -1); // open for reading
+    assert_int_equal(transport_statistics(log).errors, 1);
+    transport_close(log);
+}
+
+static void test_a_log_is_lcms_event_format(void** state)
+{
+    (void)state;
+    uint8_t bytes[4096];
+    record_ten();
+    const size_t size = file_read(bytes, sizeof bytes);
+    const size_t state_event = 28 + 11 + CODEC_STATE_SIZE;
+    const size_t mark_event = 28 + 11 + CODEC_MARK_SIZE;
+    assert_int_equal(size, 10 * (state_event + mark_event));
+    for (uint32_t i = 0; i < 10; ++i) {
+        const uint8_t* event = bytes + i * (state_event + mark_event);
+        assert_int_equal(codec_get_u32(event), 0xEDA1DA01);
+        assert_int_equal(codec_get_u64(event + 4), 2 * i); // number
+        assert_int_equal(codec_get_u64(event + 12), 1000 + i); // time
+        assert_int_equal(codec_get_u32(event + 20), 11);
+        assert_int_equal(codec_get_u32(event + 24), CODEC_STATE_SIZE);
+        assert_memory_equal(event + 28, "VERGE_STATE", 11);
+    }
+}
+
+static void test_a_log_cut_anywhere_gives_every_whole_event(void** state)
+{
+    (void)state;
+    static uint8_t bytes[4096];
+    transport_stats stats;
+    record_ten();
+    const size_t size = file_read(bytes, sizeof bytes);
+    const size_t state_event = 28 + 11 + CODEC_STATE_SIZE;
+    const size_t pair = state_event + 28 + 11 + CODEC_MARK_SIZE;
+    for (size_t cut = 0; cut <= size; cut += 7) {
+        file_write(bytes, cut);
+        const size_t whole = cut / pair + (cut % pair >= state_event ? 1 : 0);
+        assert_int_equal(log_states(&stats), whole);
+        assert_true(stats.malformed <= 1);
+    }
+}
+
+static void test_garbage_in_a_log_costs_only_the_events_it_hits(void** state)
+{
+    (void)state;
+    static uint8_t  bytes[4096], spoilt[8192];
+    transport_stats stats;
+    test_rng        rng = test_rng_seeded("log garbage");
+    record_ten();
+    const size_t size = file_read(bytes, sizeof bytes);
+    for (uint32_t round = 0; round < test_rounds(300); ++round) {
+        // Garbage, a false sync word among it, put between the fifth pair and the sixth ...
+        const size_t at = size / 2;
+        const size_t junk = 1 + test_rng_below(&rng, 500);
+        memcpy(spoilt, bytes, at);
+        for (size_t i = 0; i < junk; ++i) {
+            spoilt[at + i] = (uint8_t)test_rng_next(&rng);
+        }
+        if (junk > 40) {
+            codec_put_u32(spoilt + at + 10, 0xEDA1DA01u);
+        }
+        memcpy(spoilt + at + junk, bytes + at, size - at);
+        file_write(spoilt, size + junk);
+        assert_int_equal(log_states(&stats), 10);
+        assert_int_equal(stats.malformed, 1);
+
+        // ... and one byte changed anywhere.
+        memcpy(spoilt, bytes, size);
+        spoilt[test_rng_below(&rng, (uint32_t)size)] ^= (uint8_t)(1 + test_rng_below(&rng, 255));
+        file_write(spoilt, size);
+        transport* log = open_or_fail(log_url, TRANSPORT_STATES);
+        transport_message m[20];
+        uint32_t got = 0;
+        while (!transport_ended(log)) {
+            got += transport_drain(log, m, 20);
+        }
+        assert_true(got >= 9);
+        transport_close(log);
+    }
+}
+
+static void test_a_logs_big_foreign_events_are_skipped(void** state)
+{
+    (void)state;
+    static uint8_t  image[200000 + 64], bytes[4096], joined[250000];
+    transport_stats stats;
+    record_ten();
+    const size_t size = file_read(bytes, sizeof bytes);
+    codec_put_u32(image, 0xEDA1DA01u);
+    codec_put_u32(image + 20, 6);
+    codec_put_u32(image + 24, 200000);
+    memcpy(image + 28, "CAMERA", 6);
+    memcpy(joined, image, 28 + 6 + 200000);
+    memcpy(joined + 28 + 6 + 200000, bytes, size);
+    file_write(joined, 28 + 6 + 200000 + size);
+    assert_int_equal(log_states(&stats), 10);
+    assert_int_equal(stats.malformed, 0);
+    assert_int_equal(stats.foreign, 11); // the image and the marks
+}
+
+// ---------------------------------------------------------------- networks that come and go
+
+static void network_route(bool add)
+{
+    const int fd = socket(AF_INET, SOCK_DGRAM, 0);
+    struct ifreq lo = { .ifr_name = "lo", .ifr_flags = IFF_UP | IFF_RUNNING | IFF_LOOPBACK };
+    ioctl(fd, SIOCSIFFLAGS, &lo);
+    struct rtentry route = { .rt_flags = RTF_UP, .rt_dev = (char*)"lo" };
+    ((struct sockaddr_in*)&route.rt_dst)->sin_family = AF_INET;
+    ((struct sockaddr_in*)&route.rt_dst)->sin_addr.s_addr = inet_addr("224.0.0.0");
+    ((struct sockaddr_in*)&route.rt_genmask)->sin_family = AF_INET;
+    ((struct sockaddr_in*)&route.rt_genmask)->sin_addr.s_addr = inet_addr("240.0.0.0");
+    ioctl(fd, add ? SIOCADDRT : SIOCDELRT, &route);
+    close(fd);
+}
+
+enum { NO_NETWORKS = 77 };
+#define EXPECT(condition) do { if (!(condition)) { return __LINE__ % 64 + 1; } } while (0)
+
+/// Runs in a child. 0: all as it should be; 77: no private networks here; else where it failed.
+static int bus_that_comes_and_goes(void)
+{
+    char              error[256] = "";
+    transport*        bus = NULL;
+    transport_message m;
+    const verge_vehicle_state_t state = car(5);
+    if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0 && unshare(CLONE_NEWNET) != 0) {
+        return NO_NETWORKS;
+    }
+    EXPECT(transport_open(&bus, "lcm:udpm://239.255.76.67:7667?ttl=0", TRANSPORT_STATES, error,
+                          sizeof error) == TRANSPORT_UNAVAILABLE);
+    EXPECT(bus == NULL && strstr(error, "ip route add 224.0.0.0/4 dev lo") != NULL);
+    EXPECT(strstr(error, "ip link set lo multicast on") != NULL && strchr(error, '\n') == NULL);
+
+    network_route(true);
+    EXPECT(transport_open(&bus, "lcm:udpm://239.255.76.67:7667?ttl=0", TRANSPORT_STATES, error,
+                          sizeof error) == TRANSPORT_OK);
+    const int fd = transport_fd(bus);
+    EXPECT(transport_publish_state(bus, &state) == 0);
+    EXPECT(transport_drain(bus, &m, 1) == 1 && m.as.state.vehicle_id == 5);
+
+    network_route(false); // away: counted, nothing blocks, nothing ends
+    EXPECT(transport_publish_state(bus, &state) == -1);
+    EXPECT(transport_statistics(bus).errors == 1);
+    EXPECT(transport_drain(bus, &m, 1) == 0);
+
+    network_route(true); // back
+    EXPECT(transport_publish_state(bus, &state) == 0);
+    EXPECT(transport_drain(bus, &m, 1) == 1);
+
+    const int other = socket(AF_UNIX, SOCK_STREAM, 0); // a receiving socket broken for good
+    EXPECT(dup2(other, fd) == fd);
+    const struct timespec a_second = { .tv_sec = 1, .tv_nsec = 100000000 };
+    nanosleep(&a_second, NULL);
+    EXPECT(transport_drain(bus, &m, 1) == 0);
+    EXPECT(transport_fd(bus) == fd && transport_statistics(bus).errors > 1);
+    EXPECT(transport_publish_state(bus, &state) == 0);
+    EXPECT(transport_drain(bus, &m, 1) == 1);
+    close(other);
+    transport_close(bus);
+    return 0;
+}
+
+static void test_a_bus_that_goes_away_comes_back(void** state)
+{
+    (void)state;
+    fflush(NULL);
+    const pid_t child = fork();
+    if (child == 0) {
+        _exit(bus_that_comes_and_goes());
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    assert_true(WIFEXITED(status));
+    if (WEXITSTATUS(status) == NO_NETWORKS) {
+        printf("             SKIPPED: this machine refuses private networks\n");
+        skip();
+    }
+    if (WEXITSTATUS(status) != 0) {
+        fail_msg("failed at a line that is %d modulo 64", WEXITSTATUS(status) - 1);
+    }
+}
+
+static int make_log_path(void** state)
+{
+    (void)state;
+    snprintf(log_path, sizeof log_path, "/tmp/verge_test_log_%d", (int)getpid());
+    snprintf(log_url, sizeof log_url, "log:%s", log_path);
+    return 0;
+}
+
+static int remove_log(void** state)
+{
+    (void)state;
+    remove(log_path);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_loop_delivers_filters_and_portions),
+        cmocka_unit_test(test_log_delivers_filters_and_portions),
+        cmocka_unit_test(test_lcm_delivers_filters_and_portions),
+        cmocka_unit_test(test_urls_that_are_none_are_refused_with_what_was_expected),
+        cmocka_unit_test(test_a_missing_log_is_unavailable),
+        cmocka_unit_test(test_loop_keeps_the_newest_and_counts_what_it_gave_up),
+        cmocka_unit_test(test_a_log_gives_back_events_with_their_own_time_and_marks),
+        cmocka_unit_test(test_a_log_is_lcms_event_format),
+        cmocka_unit_test(test_a_log_cut_anywhere_gives_every_whole_event),
+        cmocka_unit_test(test_garbage_in_a_log_costs_only_the_events_it_hits),
+        cmocka_unit_test(test_a_logs_big_foreign_events_are_skipped),
+        cmocka_unit_test(test_a_bus_that_goes_away_comes_back),
+    };
+    return cmocka_run_group_tests(tests, make_log_path, remove_log);
+}

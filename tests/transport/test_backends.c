@@ -14,10 +14,12 @@
 #include <net/route.h>
 #include <poll.h>
 #include <sched.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -451,6 +453,107 @@ static void test_a_logs_big_foreign_events_are_skipped(void** state)
     assert_int_equal(stats.foreign, 11); // the image and the marks
 }
 
+// ---------------------------------------------------------------- programs nobody here wrote
+
+/// Starts one of LCM's own programs, quietly. 127 when it ends: it is not installed.
+static pid_t program_start(const char* const arguments[])
+{
+    fflush(NULL);
+    const pid_t child = fork();
+    if (child == 0) {
+        if (freopen("/dev/null", "w", stdout) == NULL || freopen("/dev/null", "w", stderr) == NULL) {
+            _exit(126);
+        }
+        execvp(arguments[0], (char* const*)(uintptr_t)arguments);
+        _exit(127);
+    }
+    return child;
+}
+
+static int program_wait(pid_t child)
+{
+    int status = 0;
+    waitpid(child, &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
+}
+
+static bool lcm_available(void)
+{
+    char       error[256];
+    transport* bus = NULL;
+    const int  result = transport_open(&bus, lcm_url(), TRANSPORT_STATES, error, sizeof error);
+    transport_close(bus);
+    if (result == TRANSPORT_UNAVAILABLE) {
+        printf("             SKIPPED: %s\n", error);
+    }
+    return result != TRANSPORT_UNAVAILABLE;
+}
+
+static void test_lcm_logplayer_plays_our_log_to_our_receiver(void** state)
+{
+    (void)state;
+    if (!lcm_available()) {
+        skip();
+    }
+    static transport_message messages[10];
+    record_ten();
+    fixture f = { .url = lcm_url(), .receiver = open_or_fail(lcm_url(), TRANSPORT_STATES) };
+    const char* const play[] = { "lcm-logplayer", "-l", lcm_url() + 4, log_path, NULL };
+    const pid_t player = program_start(play);
+    const uint32_t got = collect(&f, messages, 10);
+    if (program_wait(player) == 127) {
+        printf("             SKIPPED: lcm-logplayer is not installed\n");
+        fixture_close(&f);
+        skip();
+    }
+    assert_int_equal(got, 10);
+    for (int32_t id = 0; id < 10; ++id) {
+        assert_int_equal(messages[id].as.state.vehicle_id, id);
+    }
+    fixture_close(&f);
+}
+
+static void test_we_read_what_lcm_logger_heard_of_us(void** state)
+{
+    (void)state;
+    if (!lcm_available()) {
+        skip();
+    }
+    char option[128];
+    snprintf(option, sizeof option, "--lcm-url=%s", lcm_url() + 4);
+    remove(log_path);
+    const char* const listen[] = { "lcm-logger", option, "-f", "-q", log_path, NULL };
+    const pid_t logger = program_start(listen);
+
+    transport*  bus = open_or_fail(lcm_url(), 0);
+    struct stat written = { 0 };
+    int32_t     sent = 0;
+    while (sent < 500 && written.st_size == 0) { // until it is up and has written something
+        const verge_vehicle_state_t car_state = car(sent++);
+        assert_int_equal(transport_publish_state(bus, &car_state), 0);
+        nanosleep(&(struct timespec){ .tv_nsec = 20000000 }, NULL);
+        (void)stat(log_path, &written);
+    }
+    kill(logger, SIGINT);
+    transport_close(bus);
+    if (program_wait(logger) == 127) {
+        printf("             SKIPPED: lcm-logger is not installed\n");
+        skip();
+    }
+    transport*        log = open_or_fail(log_url, TRANSPORT_STATES);
+    transport_message m;
+    int32_t           count = 0;
+    while (!transport_ended(log)) {
+        if (transport_drain(log, &m, 1) == 1) {
+            CHECK_SAME_BITS(m.as.state.x, 1.5 * m.as.state.vehicle_id);
+            ++count;
+        }
+    }
+    assert_true(count > 0 && count <= sent);
+    assert_int_equal(transport_statistics(log).malformed, 0);
+    transport_close(log);
+}
+
 // ---------------------------------------------------------------- networks that come and go
 
 static void network_route(bool add)
@@ -563,6 +666,8 @@ int main(void)
         cmocka_unit_test(test_a_log_cut_anywhere_gives_every_whole_event),
         cmocka_unit_test(test_garbage_in_a_log_costs_only_the_events_it_hits),
         cmocka_unit_test(test_a_logs_big_foreign_events_are_skipped),
+        cmocka_unit_test(test_lcm_logplayer_plays_our_log_to_our_receiver),
+        cmocka_unit_test(test_we_read_what_lcm_logger_heard_of_us),
         cmocka_unit_test(test_a_bus_that_goes_away_comes_back),
     };
     return cmocka_run_group_tests(tests, make_log_path, remove_log);

@@ -55,10 +55,12 @@ typedef struct vg_lane {
 typedef struct vg_relation {
     float   offset;   ///< [m] add to B's station
     float   lateral;  ///< [m] add to B's y
-    float   period;   ///< [m] > 0: A lies on a ring of this length; wrap differences into +-period/2
+    float   period;   ///< [m] > 0: A and B lie on one ring of this length; wrap differences into
+                      ///< +-period/2
     float   touch;    ///< [m] A's station from which bodies on A and B can touch. -VG_HUGE: anywhere
-                      ///< (same bundle, or joined by successors); merging lanes: where the lanes
-                      ///< come close; lanes that only see each other through a merge: +VG_HUGE before
+                      ///< (same bundle, or joined by successors); merging lanes: where they come
+                      ///< close for good, +VG_HUGE if not before A's end. Diverged lanes: A's
+                      ///< station *until* which they can touch
     uint8_t kind;     ///< vg_relation_kind
 } vg_relation;
 
@@ -84,8 +86,9 @@ struct verge_road {
     vg_lane* lanes;
     vg_relation* relations;        ///< [lane_count][lane_count]
     uint64_t* on_route;            ///< [lane][target + 1]: lanes (bits) that a vehicle on `lane` that
-                                   ///< wants to `target` (index, -1 none) has to look at as leaders or
-                                   ///< followers: related lanes less the branches it will not take
+                                   ///< wants to `target` (index, -1 none) has to look at as leaders
+                                   ///< or followers: related lanes less the branches it will not
+                                   ///< take and less those that have parted from its lane
     uint8_t* changes;              ///< [lane][target]: lane changes needed to reach target; 255: never
     int8_t*  move;                 ///< [lane][target]: +1 change left is the way, -1 right, 0 drive on
     int32_t* next;                 ///< [lane][target + 1]: lane index that continues lane, -1 none
@@ -95,8 +98,10 @@ struct verge_road {
     uint64_t conflict_lanes;       ///< lanes (bits) that have any
 };
 
-/// Builds a road in the arena (see arena.h: a measuring arena gives the size). scratch is used
-/// and emptied. The def must have passed verge_road_check().
+/// Builds a road in the arena. scratch is used and emptied. The def must have passed
+/// verge_road_check(). A measuring arena (see arena.h) gets exactly the size, at no cost: nothing
+/// is fitted, scratch is not looked at, the result is null.
+/// Null also where memory does not fit, or the road has more than VERGE_CONFLICTS_MAX conflicts.
 struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge_road_def* def);
 /// Bytes of scratch vg_road_build() needs.
 size_t vg_road_scratch_size(const verge_road_def* def);

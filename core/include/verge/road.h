@@ -1,7 +1,7 @@
 /// A road: any graph of lanes, as surveyed.
 ///
 /// The caller describes lanes by polylines; the planner fits a smooth reference line to each
-/// (continuous heading and curvature, the smoothest one within verge_road_def.fit_tolerance of
+/// (continuous heading and curvature, the smoothest one within 0.15 m of
 /// the survey), finds which neighbours run beside where, which lanes meet downstream, and where
 /// lanes that are not neighbours run through the same area.
 ///

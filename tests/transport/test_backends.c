@@ -13,6 +13,7 @@
 #include <net/if.h>
 #include <net/route.h>
 #include <poll.h>
+#include <pthread.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdio.h>
@@ -187,11 +188,38 @@ static void check_portions(fixture f)
     fixture_close(&f);
 }
 
+static void* publish_two_hundred(void* sender)
+{
+    for (int32_t id = 0; id < 200; ++id) {
+        const verge_vehicle_state_t state = car(id);
+        (void)transport_publish_state(sender, &state);
+    }
+    return NULL;
+}
+
+static void check_threads(fixture f)
+{
+    static transport_message messages[200];
+    pthread_t                publisher;
+    fixture_open(&f, TRANSPORT_STATES);
+    assert_int_equal(pthread_create(&publisher, NULL, publish_two_hundred, f.sender), 0);
+    const uint32_t got = collect(&f, messages, 200);
+    pthread_join(publisher, NULL);
+    assert_int_equal(got, 200);
+    for (int32_t id = 0; id < 200; ++id) {
+        assert_int_equal(messages[id].as.state.vehicle_id, id);
+    }
+    fixture_close(&f);
+}
+
 static void check_all(fixture f)
 {
     check_delivery(f);
     check_filter(f);
     check_portions(f);
+    if (!f.is_log) { // a log is read after it was written
+        check_threads(f);
+    }
 }
 
 static void test_loop_delivers_filters_and_portions(void** state)
@@ -461,7 +489,8 @@ static pid_t program_start(const char* const arguments[])
     fflush(NULL);
     const pid_t child = fork();
     if (child == 0) {
-        if (freopen("/dev/null", "w", stdout) == NULL || freopen("/dev/null", "w", stderr) == NULL) {
+        if (freopen("/dev/null", "w", stdout) == NULL ||
+            freopen("/dev/null", "w", stderr) == NULL) {
             _exit(126);
         }
         execvp(arguments[0], (char* const*)(uintptr_t)arguments);

@@ -5,8 +5,10 @@
 #include "check.h"
 #include "rng.h"
 #include "verge/inbox.h"
+#include "verge/planner.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 static const int64_t start = 1700000000000000; // [us] any instant
 enum { MS = 1000 };
@@ -334,6 +336,60 @@ static void test_views_are_ordered_by_id_whatever_the_order_of_arrival(void** st
     }
 }
 
+// ---------------------------------------------------------------- the road
+
+static const double straight[2][2] = { { 0.0, 0.0 }, { 400.0, 0.0 } };
+
+/// A planner with one straight lane, id 3, along the x axis, for its road.
+static const verge_road* one_lane(void** memory)
+{
+    const verge_lane_def lane = {
+        .id = 3, .points = straight, .point_count = 2, .width = 4.0, .speed_limit = 30.0,
+        .left = VERGE_NO_LANE, .right = VERGE_NO_LANE,
+    };
+    verge_planner_def def = verge_planner_default_def();
+    def.road = (verge_road_def){ .lanes = &lane, .lane_count = 1 };
+    def.nodes_max = 64;
+    const size_t   size = (verge_planner_memory_size(&def) + 63) / 64 * 64;
+    verge_planner* planner;
+    *memory = aligned_alloc(64, size);
+    assert_int_equal(verge_planner_init(&planner, &def, *memory, size), VERGE_OK);
+    return verge_planner_road(planner);
+}
+
+static void test_states_off_the_map_are_told_from_impossible_wishes(void** state)
+{
+    (void)state;
+    void*                 memory;
+    const verge_road*     road = one_lane(&memory);
+    verge_vehicle_state_t s = car(1, start);
+    s.target_lane = 3;
+    assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_ACCEPTED);
+    s = car(2, start);
+    s.y = 30.0;
+    assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_OFF_MAP);
+    s = car(3, start);
+    s.target_lane = 4;
+    assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_OUT_OF_RANGE);
+    assert_string_equal(box.fault_field, "target_lane");
+
+    // The same two, heard before the road was this one.
+    s = car(2, start);
+    s.y = 30.0;
+    offer(s, start);
+    s = car(3, start);
+    s.target_lane = 4;
+    offer(s, start);
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.controlled_count, 3);
+    inbox_review(&box, road);
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.count, 1);
+    assert_int_equal(view.vehicles[0].id, 1);
+    assert_int_equal(view.cancelled_count, 2);
+    free(memory);
+}
+
 // ---------------------------------------------------------------- limits and counters
 
 static void test_limits_are_refused_out_of_range_and_out_of_order(void** state)
@@ -401,6 +457,7 @@ int main(void)
         TEST(test_no_projection_is_faster_than_a_car),
         TEST(test_refused_states_leave_no_trace_but_their_counter),
         TEST(test_views_are_ordered_by_id_whatever_the_order_of_arrival),
+        TEST(test_states_off_the_map_are_told_from_impossible_wishes),
         TEST(test_limits_are_refused_out_of_range_and_out_of_order),
         TEST(test_a_status_carries_all_counters_and_never_wraps),
     };

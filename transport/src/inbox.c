@@ -10,6 +10,7 @@ static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state
                                  int64_t now_utime, const verge_road* road);
 static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
                                      const verge_vehicle_state_t* state);
+static const char*   fault_of(const verge_vehicle_state_t* state, const verge_road* road);
 static bool          on_map(const verge_road* road, const verge_vehicle_state_t* state);
 static void          verdict_count(inbox_counters* counters, inbox_verdict verdict);
 static void          slots_order(inbox* self);
@@ -113,6 +114,16 @@ inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64
     return verdict;
 }
 
+void inbox_review(inbox* self, const verge_road* road)
+{
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        inbox_slot* slot = &self->slots[i];
+        if (slot->used && (fault_of(&slot->state, road) != NULL || !on_map(road, &slot->state))) {
+            slot->state.utime = 1; // forgotten by age: the next snapshot cancels and drops it
+        }
+    }
+}
+
 const char* inbox_verdict_name(inbox_verdict verdict)
 {
     switch (verdict) {
@@ -153,6 +164,9 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view)
         }
         verge_vehicle vehicle = wire_vehicle_from_state(&slot->state);
         inbox_project(&vehicle, age / 1000.0);
+        // The planner refuses a whole step for one vehicle beyond the range of the wire.
+        vehicle.x = vg_clamp(vehicle.x, -WIRE_POSITION_MAX, WIRE_POSITION_MAX);
+        vehicle.y = vg_clamp(vehicle.y, -WIRE_POSITION_MAX, WIRE_POSITION_MAX);
         vehicle.controlled = chosen[i];
         vehicle.margin = age <= self->limits.fresh_ms      ? 0.0
                          : age <= self->limits.obstacle_ms ? self->limits.obstacle_margin_m
@@ -246,11 +260,7 @@ static inbox_slot* slot_free(inbox* self, int64_t now_utime)
 static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state,
                                  int64_t now_utime, const verge_road* road)
 {
-    const char* fault = wire_state_check(state);
-    if (fault == NULL && road != NULL && state->target_lane != VERGE_NO_LANE &&
-        !verge_road_continues(road, state->target_lane, state->target_lane)) {
-        fault = "target_lane";
-    }
+    const char* fault = fault_of(state, road);
     if (fault != NULL) {
         self->fault_field = fault;
         return INBOX_OUT_OF_RANGE;
@@ -289,6 +299,17 @@ static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_stat
     const double speed = vg_max((double)state->speed, (double)held->speed);
     const double reach = speed * dt + self->limits.jump_m;
     return dx * dx + dy * dy <= reach * reach ? INBOX_ACCEPTED : INBOX_ID_CONFLICT;
+}
+
+/// A lane continues itself, so one that does not is not on the road.
+static const char* fault_of(const verge_vehicle_state_t* state, const verge_road* road)
+{
+    const char* fault = wire_state_check(state);
+    if (fault == NULL && road != NULL && state->target_lane != VERGE_NO_LANE &&
+        !verge_road_continues(road, state->target_lane, state->target_lane)) {
+        return "target_lane";
+    }
+    return fault;
 }
 
 static bool on_map(const verge_road* road, const verge_vehicle_state_t* state)

@@ -8,7 +8,6 @@
 
 /// A heading of +pi as a float is 9e-8 above pi; clients may round once more.
 #define HEADING_MAX (3.14159265358979323846 + 1e-6)
-#define POSITION_MAX 1e6 // [m] where a double still resolves a nanometre
 #define SPEED_MAX 60.0 // [m/s] see wire.h
 #define ACCELERATION_MAX 20.0 // [m/s^2] a crash brakes harder, a car does not
 #define CURVATURE_MAX 10.0 // [1/m] turning on the spot is no car's motion
@@ -29,7 +28,8 @@ typedef struct row {
 static const char*         rows_check(const row* rows, size_t count);
 static const char*         actions_check(const verge_vehicle_plan_t* plan);
 static const char*         points_check(const verge_vehicle_plan_t* plan);
-static bool                continues(const verge_action_step* before, const verge_action_step* step);
+static bool                continues(const verge_action_step* before,
+                                     const verge_action_step* step);
 static verge_plan_action_t action_from_step(const verge_action_step* step);
 static int32_t             milliseconds(double seconds);
 
@@ -38,8 +38,8 @@ const char* wire_state_check(const verge_vehicle_state_t* state)
     const row rows[] = {
         { "vehicle_id", state->vehicle_id, 0, INT32_MAX, KNOWN },
         { "controlled", state->controlled, 0, 1, KNOWN },
-        { "x", state->x, -POSITION_MAX, POSITION_MAX, KNOWN },
-        { "y", state->y, -POSITION_MAX, POSITION_MAX, KNOWN },
+        { "x", state->x, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
+        { "y", state->y, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
         { "heading", state->heading, -HEADING_MAX, HEADING_MAX, KNOWN },
         { "speed", state->speed, 0, SPEED_MAX, KNOWN },
         { "acceleration", state->acceleration, -ACCELERATION_MAX, ACCELERATION_MAX, KNOWN },
@@ -279,8 +279,8 @@ static const char* points_check(const verge_vehicle_plan_t* plan)
     for (int32_t i = 0; i < plan->point_count; ++i) {
         const verge_plan_point_t* point = &plan->points[i];
         const row rows[] = {
-            { "points.x", point->x, -POSITION_MAX, POSITION_MAX, KNOWN },
-            { "points.y", point->y, -POSITION_MAX, POSITION_MAX, KNOWN },
+            { "points.x", point->x, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
+            { "points.y", point->y, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
             { "points.heading", point->heading, -HEADING_MAX, HEADING_MAX, KNOWN },
             { "points.speed", point->speed, 0, SPEED_MAX, KNOWN },
             { "points.acceleration", point->acceleration, -ACCELERATION_MAX, ACCELERATION_MAX,

@@ -31,7 +31,7 @@ typedef struct inbox_limits {
     double future_ms;         ///< [ms] a state further ahead of our clock is refused
     double obstacle_margin_m; ///< [m]  on every side of the body
     double old_margin_m;      ///< [m]
-    double jump_m;            ///< [m]  more than this beyond what it can have driven: another sender
+    double jump_m;            ///< [m]  further than this beyond what it can drive: another sender
 } inbox_limits;
 
 inbox_limits inbox_default_limits(void);
@@ -96,6 +96,10 @@ void inbox_set_limits(inbox* self, const inbox_limits* limits);
 /// road null: any place and any target lane will do.
 inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
                           const verge_road* road);
+
+/// After a change of the road: forgets the vehicles that are off it or want a lane it lacks, which
+/// the planner would refuse. They are not counted again; owed cancellations are told.
+void inbox_review(inbox* self, const verge_road* road);
 
 /// "accepted", "stale", ...: the name of the counter without rx_.
 const char* inbox_verdict_name(inbox_verdict verdict);

@@ -3,15 +3,24 @@
 ///
 ///     transport* bus;
 ///     char error[256];
-///     if (transport_open(&bus, "lcm:udpm://239.255.76.67:7667?ttl=0", TRANSPORT_STATES, error, sizeof error)) ...
+///     const char* url = "lcm:udpm://239.255.76.67:7667?ttl=0";
+///     if (transport_open(&bus, url, TRANSPORT_STATES, error, sizeof error) != TRANSPORT_OK) ...
 ///     poll(transport_fd(bus)); n = transport_drain(bus, messages, 64);
 ///     transport_publish_plan(bus, &plan);
 ///
 /// Memory      transport_open() allocates, transport_close() frees, nothing between them does.
 /// Threads     Draining and publishing may happen in two threads; each of them in one at a time.
-/// URLs        lcm:URL (any LCM UDP multicast URL), loop: or loop:NAME (in process; every open end
-///             of one name hears the others), log:FILE (an LCM event log: read, or written when
-///             opened with TRANSPORT_RECORD).
+/// URLs        lcm:URL   an LCM UDP multicast URL, udpm://ADDRESS:PORT?ttl=N&recv_buf_size=N, each
+///                       part optional as in LCM. One hears one's own messages too; they count
+///                       as foreign unless asked for. Messages LCM would cut into fragments are
+///                       not ours and are refused.
+///             loop:NAME in process: every open end of one name (which may be empty) hears the
+///                       others. A full queue gives up its oldest message.
+///             log:FILE  an LCM event log: read, or written when opened with TRANSPORT_RECORD.
+///                       What is written is in the file at each mark and at close.
+/// Losing it   A bus that goes away after it was opened shows in errors and comes back by itself;
+///             the descriptor stays the same. For that, drain once a second even when nothing
+///             is waiting.
 #ifndef VERGE_TRANSPORT_H
 #define VERGE_TRANSPORT_H
 
@@ -82,12 +91,15 @@ typedef enum transport_result {
 } transport_result;
 
 /// Opens a bus. On failure *bus is null and error holds one line that says what to do.
-int  transport_open(transport** bus, const char* url, unsigned receive, char* error, size_t error_size);
+int  transport_open(transport** bus, const char* url, unsigned receive, char* error,
+                    size_t error_size);
 void transport_close(transport* bus); ///< null is fine
 
-/// Descriptor for poll(); -1 for log: (always ready until transport_ended()).
+/// Descriptor for poll(); -1 for log: (always ready until transport_ended()) and for an lcm: bus
+/// opened without anything to receive.
 int  transport_fd(const transport* bus);
-/// Takes at most max waiting messages, never blocks. Returns how many.
+/// Takes at most max waiting messages, never blocks. Returns how many; 0 may also mean that a
+/// portion of other channels' messages was skipped and more is waiting (poll says so).
 uint32_t transport_drain(transport* bus, transport_message* messages, uint32_t max);
 /// log: nothing more will come.
 bool transport_ended(const transport* bus);

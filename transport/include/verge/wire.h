@@ -15,6 +15,9 @@ extern "C" {
 
 enum { WIRE_ACTIONS_MAX = 10, WIRE_POINTS_MAX = 31 };
 
+/// [m] Where a double still resolves a nanometre; no map is larger.
+#define WIRE_POSITION_MAX 1e6
+
 /// What a state may say. All limits are inclusive; infinite is always refused.
 ///     utime > 0             vehicle_id, >= 0          sequence any
 ///     controlled 0, 1       |x|, |y| <= 1e6 m         |heading| <= pi + 1e-6

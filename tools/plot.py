@@ -260,9 +260,13 @@ def draw_body(axes, track, index, alpha, text, scale):
 
 
 def mark_ticks(track):
-    """Ticks at whole multiples of MARK_S."""
+    """Ticks at whole multiples of MARK_S; a vehicle that hardly moves is not drawn again."""
     whole = np.round(track.t / MARK_S) * MARK_S
-    return [i for i in range(len(track.t)) if abs(track.t[i] - whole[i]) < 1e-6]
+    marks = []
+    for i in np.flatnonzero(np.abs(track.t - whole) < 1e-6):
+        if not marks or np.hypot(*(track.xy[i] - track.xy[marks[-1]])) > 0.3 * track.length:
+            marks.append(int(i))
+    return marks
 
 
 def draw_vehicle(axes, track, t_end, scale):
@@ -392,10 +396,6 @@ def draw_speeds(axes, run):
         axes.annotate(f"vehicle {track.id}", (track.t[-1], track.speed[-1]),
                       (run.t_end * 1.012, y), annotation_clip=False, fontsize=8.5,
                       fontweight="bold", color=track.color, va="center")
-    if run.humans:
-        axes.plot([], [], color="#C4C4C9", label="human")
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 0.06), frameon=False, fontsize=8,
-                    handlelength=1.2, borderaxespad=0.0)
     tidy(axes)
     axes.tick_params(labelbottom=False)
 
@@ -422,10 +422,12 @@ def draw_strips(axes, run):
     used = {word for t in run.controlled for _, _, word in t.segments()}
     handles = [Patch(color=ACTION_COLORS[w], label=f"{w}  {ACTION_NAMES[w]}")
                for w in ACTION_COLORS if w in used]
+    if run.humans:
+        handles.append(Line2D([], [], color="#C4C4C9", label="speed of a human"))
     if any(t.fallbacks for t in run.controlled):
         handles.append(Line2D([], [], linestyle="none", marker="v", markersize=5, color="#B00020",
                               label="fallback planned"))
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.008, 1.04), frameon=False,
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.008, 1.02), frameon=False,
                 fontsize=8, handlelength=1.0, handleheight=1.0, borderaxespad=0.0)
 
 
@@ -469,7 +471,7 @@ def draw_page(run, out):
     if row_height > ROAD_HEIGHT_MAX:
         scale *= ROAD_HEIGHT_MAX / row_height
         row_height = ROAD_HEIGHT_MAX
-    strip_height = max(0.95, 0.27 * len(run.controlled))
+    strip_height = max(1.2, 0.27 * len(run.controlled))
     head, speed_height, gap = 0.95, 2.1, 0.36
     height = head + len(rows) * (row_height + gap) + 0.25 + speed_height + 0.14 + strip_height + 0.6
     figure = plt.figure(figsize=(FIGURE_WIDTH, height), facecolor="white")

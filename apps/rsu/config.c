@@ -1,3 +1,4 @@
+#define _GNU_SOURCE
 #include "config.h"
 
 #include "common/json.h"
@@ -130,25 +131,32 @@ static bool read_freshness(config* self, const json_at* root)
     const char* fault = inbox_limits_check(&self->freshness);
     if (fault != NULL) {
         const json_at member = json_member(&at, fault);
-        return json_fail(&member, "does not fit the other limits, expected "
-                                  "fresh_ms <= obstacle_ms <= drop_ms");
+        return json_fail(&member, "does not fit the other limits, expected fresh_ms <= "
+                                  "obstacle_ms <= drop_ms, obstacle_margin_m <= old_margin_m");
     }
     return true;
 }
 
 // ---- the road -----------------------------------------------------------------------------
 
-/// A path as written in the file at `from`: relative ones start in that file's folder.
+/// A path as written in the file at `from`: relative ones start in that file's folder. The result
+/// holds from any folder, so that a printed configuration can be read wherever it is put.
 static char* resolve(const char* from, const char* path)
 {
     const char* slash = strrchr(from, '/');
     const size_t folder = path[0] == '/' || slash == NULL ? 0 : (size_t)(slash - from) + 1;
-    char* resolved = malloc(folder + strlen(path) + 1);
-    if (resolved != NULL) {
-        memcpy(resolved, from, folder);
-        memcpy(resolved + folder, path, strlen(path) + 1);
+    char* joined = malloc(folder + strlen(path) + 1);
+    if (joined == NULL) {
+        return NULL;
     }
-    return resolved;
+    memcpy(joined, from, folder);
+    memcpy(joined + folder, path, strlen(path) + 1);
+    char* absolute = realpath(joined, NULL);
+    if (absolute == NULL) {
+        return joined; // there is no such file: whoever opens it says so
+    }
+    free(joined);
+    return absolute;
 }
 
 static bool take_road(config* self, const json_at* at)

@@ -156,7 +156,7 @@ static int open_ends(live* self)
         return fail(EXIT_USAGE, "--record: the path is too long");
     }
     result = transport_open(&self->record, url, TRANSPORT_RECORD, error, sizeof error);
-    return result == TRANSPORT_OK ? 0 : fail(EXIT_NO_INPUT, error);
+    return result == TRANSPORT_OK ? 0 : fail(EXIT_OS, error);
 }
 
 static int open_descriptors(live* self)

@@ -98,7 +98,7 @@ static int open_ends(replay* self, transport** log, const char* url, char* error
     snprintf(record_url, sizeof record_url, "log:%s", self->options->record_path);
     if (transport_open(&self->record, record_url, TRANSPORT_RECORD, error, CONFIG_ERROR_SIZE) !=
         TRANSPORT_OK) {
-        return EXIT_NO_INPUT;
+        return EXIT_OS;
     }
     return 0;
 }

@@ -1,0 +1,599 @@
+"""The daemon from outside, on a real LCM bus, with another project's LCM client as the vehicles.
+
+    python3 tests/apps/e2e_lcm.py --bin build/bin [--lcm-python VENV] [--only NAME]
+
+Exit status 0: all held; 1: something did not (said on standard error); 77: skipped, because
+the Python package lcm, lcm-gen or a private network is missing on this machine.
+Every case is a function named like its claim. Types come from transport/types/verge.lcm by
+lcm-gen, so field names, order and checksums are compared with an implementation not ours.
+"""
+import argparse
+import collections
+import json
+import math
+import os
+import pathlib
+import random
+import select
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+URL = "udpm://239.255.76.67:7667?ttl=0"
+GROUP = ("239.255.76.67", 7667)
+CANCELLED = 3
+
+# Two straight lanes of 2 km.
+ROAD = {"lanes": [
+    {"id": 0, "centerline": [[0, 0], [1900, 0]], "width": 3.75, "speed_limit": 25.0,
+     "left": 1, "right": None},
+    {"id": 1, "centerline": [[0, 3.75], [1900, 3.75]], "width": 3.75, "speed_limit": 25.0,
+     "left": None, "right": 0}]}
+# A small budget: these cases are about the daemon, not about how good its plans are.
+QUICK = {"iterations": 60, "nodes_max": 256, "sample_speeds": 3, "sample_offsets": 8}
+
+
+def skip(why):
+    print("SKIPPED: " + why, file=sys.stderr)
+    sys.exit(77)
+
+
+def check(good, what):
+    if not good:
+        raise AssertionError(what)
+
+
+class Rig:
+    """What the cases share: binaries, a folder, types."""
+
+    def __init__(self, binaries, folder):
+        self.bin = pathlib.Path(binaries)
+        self.folder = folder
+
+    def config(self, name="rsu.json", **changes):
+        document = {"format": "verge-rsu/1", "rsu_id": 5, "bus": "lcm:" + URL, "road": ROAD,
+                    "cycle_ms": 100, "planner": dict(QUICK)}
+        document.update(changes)
+        path = self.folder / name
+        path.write_text(json.dumps({k: v for k, v in document.items() if v is not None}))
+        return path
+
+    def run(self, *args, **kwargs):
+        """A program to its end: (exit code, standard output, standard error)."""
+        done = subprocess.run([str(a) for a in args], capture_output=True, text=True, timeout=60,
+                              **kwargs)
+        return done.returncode, done.stdout, done.stderr
+
+
+class Daemon:
+    """A running verge-rsu that has said READY."""
+
+    def __init__(self, rig, config, *options, env=None):
+        self.log = open(rig.folder / "rsu.log", "w+b")
+        self.process = subprocess.Popen(
+            [str(rig.bin / "verge-rsu"), "--config", str(config), *map(str, options)],
+            stderr=self.log, stdout=subprocess.DEVNULL, env=env)
+        until = time.monotonic() + 20
+        while "READY" not in self.text():
+            check(self.process.poll() is None, "verge-rsu ended before READY:\n" + self.text())
+            check(time.monotonic() < until, "no READY within 20 s:\n" + self.text())
+            time.sleep(0.02)
+
+    def text(self):
+        return pathlib.Path(self.log.name).read_text()
+
+    def signal(self, number):
+        self.process.send_signal(number)
+
+    def stop(self):
+        """SIGTERM: (seconds it took, exit code)."""
+        began = time.monotonic()
+        self.signal(signal.SIGTERM)
+        code = self.process.wait(timeout=20)
+        return time.monotonic() - began, code
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        self.log.close()
+
+
+class Bus:
+    """The vehicles' side: publishes states, collects plans and statuses."""
+
+    def __init__(self):
+        self.lcm = lcm.LCM(URL)
+        self.plans, self.statuses = [], []
+        self.lcm.subscribe("VERGE_PLAN", lambda _, data: self.plans.append(
+            (time.time(), verge.vehicle_plan_t.decode(data), data)))
+        self.lcm.subscribe("VERGE_STATUS", lambda _, data: self.statuses.append(
+            (time.time(), verge.rsu_status_t.decode(data), data)))
+
+    def send(self, state):
+        state.crc32 = 0
+        state.crc32 = signed(crc(state))
+        self.lcm.publish("VERGE_STATE", state.encode())
+
+    def listen(self, seconds):
+        until = time.monotonic() + seconds
+        while True:
+            left = until - time.monotonic()
+            if left <= 0:
+                return
+            if select.select([self.lcm.fileno()], [], [], left)[0]:
+                self.lcm.handle()
+
+    def drive(self, vehicles, seconds, hz=10):
+        """Publishes every vehicle's state at hz, listening in between."""
+        began = time.monotonic()
+        for tick in range(int(seconds * hz)):
+            for vehicle in vehicles:
+                self.send(vehicle.now())
+            self.listen(max(0.0, began + (tick + 1) / hz - time.monotonic()))
+
+
+def crc(message):
+    return zlib.crc32(message.encode()[8:-4])
+
+
+def signed(number):
+    return struct.unpack(">i", struct.pack(">I", number))[0]
+
+
+class Vehicle:
+    """Drives straight on at a steady speed, whatever it is told."""
+
+    def __init__(self, number, x, lane, speed=15.0, controlled=True, target=-1):
+        self.number, self.x0, self.y = number, x, 3.75 * lane
+        self.speed, self.controlled, self.target = speed, controlled, target
+        self.began, self.sequence = time.time(), 0
+
+    def now(self):
+        state = verge.vehicle_state_t()
+        now = time.time()
+        self.sequence += 1
+        state.utime = int(now * 1e6)
+        state.vehicle_id, state.sequence = self.number, self.sequence
+        state.controlled = 1 if self.controlled else 0
+        state.x, state.y = self.x0 + self.speed * (now - self.began), self.y
+        state.speed, state.yaw_rate = self.speed, math.nan
+        state.length, state.width = 5.0, 2.0
+        state.position_sigma = state.cooperation = math.nan
+        state.target_lane, state.habit, state.followed_cycle = self.target, 1, -1
+        return state
+
+
+def three_and_a_human():
+    return [Vehicle(1, 40, 0), Vehicle(2, 40, 1), Vehicle(3, 120, 0, target=1),
+            Vehicle(8, 120, 1, controlled=False)]
+
+
+def digests_of(bus):
+    """cycle -> digest, of the planned messages."""
+    digests = {}
+    for _, plan, _ in bus.plans:
+        if plan.status != CANCELLED:
+            known = digests.setdefault(plan.cycle, plan.digest)
+            check(known == plan.digest, f"cycle {plan.cycle} has two digests")
+    return digests
+
+
+# ---- cases ----------------------------------------------------------------------------------
+
+def without_a_bus_it_says_what_to_do_and_exits_69(rig):
+    config = rig.config()
+    for program in (["verge-rsu", "--config", config],
+                    ["verge-publish", SOURCE / "apps/scenarios/ramp-case1.json", "--bus",
+                     "lcm:" + URL, "--quiet"]):
+        code, _, error = rig.run("unshare", "-rn", rig.bin / program[0], *program[1:])
+        check(code == 69, f"{program[0]}: exit {code}, expected 69: {error}")
+        check("ip route add" in error, f"{program[0]} does not say what to do: {error}")
+
+
+def wrong_options_and_configurations_have_their_exit_codes(rig):
+    rsu = rig.bin / "verge-rsu"
+    check(rig.run(rsu)[0] == 64, "no --config: 64")
+    check(rig.run(rsu, "--config", rig.config(), "--bogus")[0] == 64, "unknown option: 64")
+    check(rig.run(rsu, "--config", rig.config(), "--cycles", "-1")[0] == 64, "bad number: 64")
+    check(rig.run(rsu, "--config", rig.folder / "no.json")[0] == 66, "no config file: 66")
+    check(rig.run(rsu, "--config", rig.config(), "--replay", rig.folder / "no.log")[0] == 66,
+          "no log: 66")
+    check(rig.run(rsu, "--config", rig.config(road=None, road_file="no.json"))[0] == 66,
+          "no road file: 66")
+    wrong = [({"bogus": 1}, "bogus"), ({"cycle_ms": 9}, "cycle_ms"), ({"bus": "tcp:x"}, "bus"),
+             ({"bus": "lcm:udpm://nonsense"}, "nonsense"), ({"road": None}, "road"),
+             ({"planner": {"iterations": 0}}, "iterations"), ({"format": "x"}, "format"),
+             ({"planner": {"bogus": 1}}, "bogus"), ({"freshness": {"fresh_ms": 1}}, "fresh_ms"),
+             ({"freshness": {"fresh_ms": 500, "obstacle_ms": 400}}, "obstacle_ms"),
+             ({"rsu_id": "one"}, "rsu_id")]
+    for change, name in wrong:
+        code, _, error = rig.run(rsu, "--config", rig.config(**change), "--check-config")
+        check(code == 78, f"{change}: exit {code}, expected 78")
+        check(name in error and error.count("\n") == 1, f"{change}: told as {error!r}")
+
+
+def the_printed_configuration_is_the_configuration(rig):
+    rsu = rig.bin / "verge-rsu"
+    code, out, error = rig.run(rsu, "--config", rig.config(), "--check-config")
+    check(code == 0 and out.count(" B ") >= 3, f"memory budget: {out!r} {error!r}")
+    code, out, error = rig.run(rsu, "--config", rig.config(), "--print-config")
+    document = json.loads(out)
+    check(code == 0 and document["planner"]["iterations"] == 60, error)
+    check(len(document["planner"]) > 30, "every planner parameter is there")
+    again = rig.folder / "printed.json"
+    again.write_text(out)
+    check(rig.run(rsu, "--config", again, "--print-config")[1] == out, "it prints itself")
+    example = SOURCE / "apps/scenarios/rsu-ramp.json"
+    check(rig.run(rsu, "--config", example, "--check-config")[0] == 0, "the example is right")
+    out = rig.run(rsu, "--config", example, "--print-config")[1]
+    again.write_text(out)
+    check(rig.run(rsu, "--config", again, "--print-config", cwd="/")[1] == out, "anywhere")
+
+
+def one_plan_a_vehicle_a_cycle_and_it_replays_to_the_same_digests(rig):
+    config, log = rig.config(), rig.folder / "live.lcmlog"
+    tapped = rig.folder / "tapped.lcmlog"
+    tap = subprocess.Popen(["lcm-logger", "--lcm-url=" + URL, "-f", "-q", str(tapped)],
+                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    with Daemon(rig, config, "--record", log) as rsu:
+        bus = Bus()
+        vehicles = three_and_a_human()
+        bus.drive(vehicles, 4.0)
+        cycles = collections.Counter(p.cycle for _, p, _ in bus.plans)
+        full = [c for c, n in cycles.items() if n == 3]
+        check(len(cycles) >= 30, f"{len(cycles)} cycles in 4 s at 100 ms")
+        # The first cycles may fall between the vehicles' first messages.
+        check(len(full) >= len(cycles) - 2, f"cycles without a plan for each: {cycles}")
+        seen = sorted(cycles)
+        check(seen[-1] - seen[0] + 1 == len(seen), "no cycle is missing")
+        judge_plans(bus, vehicles)
+        judge_status(bus)
+        took, code = rsu.stop()
+        bus.listen(0.3)
+        check(code == 0 and took < 1.0, f"SIGTERM: exit {code} in {took:.2f} s")
+        last = {p.vehicle_id: p.status for _, p, _ in bus.plans}
+        check(last == {1: CANCELLED, 2: CANCELLED, 3: CANCELLED}, f"cancelled at stop: {last}")
+        check(bus.statuses[-1][1].state == 4, "the last status says stopping")
+    tap.send_signal(signal.SIGINT)
+    tap.wait(timeout=5)
+
+    live = digests_of(bus)
+    code, out, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--replay", log)
+    check(code == 0, error)
+    lines = [json.loads(line) for line in out.splitlines()]
+    replayed = {line["cycle"]: line["digest"] for line in lines if line["vehicles"] > 0}
+    expected = {cycle: f"{digest & (2**64 - 1):016x}" for cycle, digest in live.items()}
+    check(replayed == expected, "the recording replays to the live digests")
+
+    code, out, error = rig.run(rig.bin / "verge-replay", log, "--config", config)
+    check(code == 0 and "same" in out, f"verge-replay: {code} {out} {error}")
+    other = rig.config("other.json", planner=dict(QUICK, headway_s=1.0, iterations=30))
+    code, out, _ = rig.run(rig.bin / "verge-replay", log, "--config", other)
+    check(code == 1 and "cycle" in out, f"another configuration: {code} {out}")
+
+    runs = [rig.run(rig.bin / "verge-rsu", "--config", config, "--replay", tapped)
+            for _ in range(2)]
+    check(runs[0][0] == 0 and runs[0][1] == runs[1][1], "lcm-logger's log replays the same twice")
+    lines = [json.loads(line) for line in runs[0][1].splitlines()]
+    check(sum(line["vehicles"] == 3 for line in lines) >= 30, "and has its plans")
+    check(all(line["utime"] % 100000 == 0 for line in lines), "at multiples of cycle_ms")
+
+    # The replay may itself be recorded, and that recording replays.
+    again = rig.folder / "again.lcmlog"
+    code, out, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--replay", tapped,
+                               "--record", again)
+    check(code == 0 and rig.run(rig.bin / "verge-replay", again, "--config", config)[0] == 0,
+          "a recorded replay replays")
+
+
+def judge_plans(bus, vehicles):
+    """Every plan message by itself, against what its vehicle said of itself."""
+    by_id = {vehicle.number: vehicle for vehicle in vehicles}
+    for arrival, plan, data in bus.plans:
+        check(len(data) + 8 + len("VERGE_PLAN") + 1 <= 1472, "one datagram")
+        check(signed(crc(plan)) == plan.crc32, "crc32")
+        check(by_id[plan.vehicle_id].controlled, "plans only for those who ask")
+        check(plan.rsu_id == 5 and plan.status in (0, 1, 2), f"status {plan.status}")
+        check(0 < plan.point_count <= 31 and 0 < plan.action_count <= 10, "counts")
+        check(plan.valid_until_utime > plan.utime, "valid for a while")
+        check(0 <= plan.utime - plan.state_utime <= 300000, "from a fresh state")
+        check(abs(arrival * 1e6 - plan.utime) < 2e6, "of now")
+        vehicle = by_id[plan.vehicle_id]
+        x = vehicle.x0 + vehicle.speed * (plan.utime * 1e-6 - vehicle.began)
+        check(abs(plan.points[0].x - x) < 0.01, f"point 0 is at {plan.points[0].x}, not {x}")
+        check(abs(plan.points[0].y - vehicle.y) < 1e-6, "point 0 is where it is")
+        steps = [(plan.actions[i].t0_ms, plan.actions[i].t1_ms) for i in range(plan.action_count)]
+        check(steps[0][0] == 0 and all(a[1] == b[0] for a, b in zip(steps, steps[1:])), "gapless")
+
+
+def judge_status(bus):
+    states = [status.state for _, status, _ in bus.statuses]
+    check(states[-1] == 2, f"running in the end: {states}")
+    times = [arrival for arrival, _, _ in bus.statuses]
+    check(max(b - a for a, b in zip(times, times[1:])) < 1.5, "a status each second")
+    status = bus.statuses[-1][1]
+    check(signed(crc(status)) == status.crc32, "crc32")
+    check(status.vehicles_seen == 4 and status.vehicles_controlled == 3, "who is there")
+    check(status.version == 100 and status.rsu_id == 5, "version, id")
+    check(status.plans_sent > 80 and status.rx_accepted > 100, "counted")
+    check(0 < status.arena_peak_bytes <= status.arena_size_bytes, "arena")
+    check(status.map_crc32 != 0 and status.config_crc32 != 0, "checksums")
+    check(0 < status.cycle_us_last <= status.cycle_us_max, "cycle times")
+
+
+def a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_speaks(rig):
+    with Daemon(rig, rig.config()) as rsu:
+        bus = Bus()
+        first, second = Vehicle(1, 40, 0), Vehicle(2, 40, 1)
+        bus.drive([first, second], 1.0)
+        bus.plans.clear()
+        bus.drive([second], 2.5)
+        told = [(at, p) for at, p, _ in bus.plans if p.vehicle_id == 1]
+        cancelled = [p for _, p in told if p.status == CANCELLED]
+        check(len(cancelled) == 1 and told[-1][1] is cancelled[0], f"{len(cancelled)} cancelled")
+        check(cancelled[0].reason == 7 and cancelled[0].point_count == 0, "for its age")
+        check(sum(p.vehicle_id == 2 for _, p, _ in bus.plans) >= 20, "the other one goes on")
+        began = time.time()
+        bus.plans.clear()
+        bus.drive([first, second], 0.5)
+        back = [at - began for at, p, _ in bus.plans if p.vehicle_id == 1]
+        check(back and back[0] < 0.3, f"plans are back after {back[:1]} s, expected two cycles")
+        check(rsu.process.poll() is None, "alive")
+
+
+def hostile_traffic_is_counted_and_costs_nobody_a_plan(rig):
+    rng = random.Random(1)
+    with Daemon(rig, rig.config()) as rsu:
+        bus = Bus()
+        vehicles = three_and_a_human()
+        bus.drive(vehicles, 1.0)
+        attacker = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        attacker.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        good = vehicles[0].now()
+        good.crc32 = signed(crc(good))
+        frame = struct.pack(">II", 0x4c433032, 1) + b"VERGE_STATE\0" + good.encode()
+
+        def bad_state(**changes):
+            state = vehicles[0].now()
+            for name, value in changes.items():
+                setattr(state, name, value)
+            bus.send(state)
+
+        bus.plans.clear()
+        for _ in range(20):
+            for _ in range(40):
+                kind = rng.randrange(4)
+                if kind == 0:
+                    data = rng.randbytes(rng.randrange(1, 1400))
+                elif kind == 1:
+                    data = frame[:rng.randrange(len(frame))]
+                elif kind == 2:
+                    data = bytearray(frame)
+                    data[rng.randrange(28, len(data))] ^= 1 << rng.randrange(8)
+                else:
+                    data = struct.pack(">IIIIHH", 0x4c433033, 7, 100, 0xfffffff0, 1, 3) + frame
+                attacker.sendto(bytes(data), GROUP)
+            bad_state(x=math.nan)
+            bad_state(speed=-3.0)
+            bad_state(y=500.0, vehicle_id=99)
+            bad_state(utime=int(time.time() * 1e6) + 10**6)
+            bad_state(utime=int(time.time() * 1e6) - 10**7)
+            bus.drive(vehicles, 0.1)
+        bus.drive(vehicles, 1.2)
+        status = bus.statuses[-1][1]
+        check(status.rx_malformed >= 300, f"malformed {status.rx_malformed}")
+        for name in ("rx_out_of_range", "rx_off_map", "rx_future", "rx_stale"):
+            check(getattr(status, name) > 0, f"{name} counted")
+        cycles = collections.Counter(p.cycle for _, p, _ in bus.plans)
+        seen = sorted(cycles)
+        check(seen[-1] - seen[0] + 1 == len(seen), "no cycle was lost")
+        # The first and the last may be cut by our own listening.
+        check(all(cycles[c] == 3 for c in seen[1:-1]), f"a plan was lost: {cycles}")
+        check(rsu.stop()[1] == 0, "and it stops in order")
+
+
+def sighup_swaps_a_good_configuration_and_keeps_the_old_one_on_error(rig):
+    config = rig.config()
+    with Daemon(rig, config) as rsu:
+        bus = Bus()
+        vehicles = three_and_a_human()
+        bus.drive(vehicles, 1.2)
+        before = bus.statuses[-1][1]
+        config.write_text("{ not json")
+        rsu.signal(signal.SIGHUP)
+        bus.drive(vehicles, 1.2)
+        status = bus.statuses[-1][1]
+        check(status.config_crc32 == before.config_crc32, "the old one holds")
+        check(status.state == 3 and status.fault != 0, "and it says so")
+        check("config_refused" in rsu.text(), "in the log, too")
+        rig.config(rsu_id=6, cycle_ms=200)
+        rsu.signal(signal.SIGHUP)
+        bus.drive(vehicles, 0.5)
+        bus.plans.clear()
+        bus.drive(vehicles, 2.0)
+        status = bus.statuses[-1][1]
+        check(status.config_crc32 != before.config_crc32 and status.state == 2, "the new one")
+        check(all(p.rsu_id == 6 for _, p, _ in bus.plans), "the new id")
+        cycles = {p.cycle for _, p, _ in bus.plans}
+        check(8 <= len(cycles) <= 12, f"{len(cycles)} cycles in 2 s, expected 10")
+
+
+def a_long_planning_step_does_not_delay_stopping(rig):
+    slow = dict(iterations=1000000, nodes_max=1000000, steps=16)
+    with Daemon(rig, rig.config(cycle_ms=20, planner=slow)) as rsu:
+        bus = Bus()
+        bus.drive(three_and_a_human(), 1.5)
+        status = bus.statuses[-1][1]
+        check(status.deadline_misses > 0 and status.state == 3, "it says that it is late")
+        took, code = rsu.stop()
+        check(code == 0 and took < 1.0, f"SIGTERM: exit {code} in {took:.2f} s")
+
+
+def when_the_bus_comes_back_so_do_plans(rig):
+    def ip(*args):
+        subprocess.run(["ip", *args], check=True)
+    with Daemon(rig, rig.config()) as rsu:
+        bus = Bus()
+        vehicles = [Vehicle(1, 40, 0), Vehicle(2, 40, 1)]
+        bus.drive(vehicles, 1.0)
+        try:
+            ip("link", "set", "lo", "down")
+            time.sleep(2.5)
+            check(rsu.process.poll() is None, "it lives without a bus")
+            check("bus_trouble" in rsu.text(), "and says so:\n" + rsu.text())
+        finally:
+            ip("link", "set", "lo", "up")
+            subprocess.run(["ip", "route", "replace", "224.0.0.0/4", "dev", "lo"], check=True)
+        time.sleep(1.2) # it looks for its bus once a second
+        bus = Bus()
+        for vehicle in vehicles:
+            vehicle.sequence = 0
+        bus.drive(vehicles, 2.0)
+        check({p.vehicle_id for _, p, _ in bus.plans} == {1, 2}, "plans for both again")
+
+
+def a_thousand_cycles_allocate_nothing(rig):
+    guard = rig.folder / "guard.so"
+    source = SOURCE / "tests/support/heap_guard.c"
+    subprocess.run(["cc", "-O1", "-shared", "-fPIC", "-fno-builtin", "-o", guard, source],
+                   check=True)
+    counts = rig.folder / "heap.txt"
+    env = dict(os.environ, LD_PRELOAD=str(guard), HEAP_GUARD_FILE=str(counts))
+    config = rig.config(cycle_ms=20, planner=dict(QUICK, iterations=20, threads=2))
+    with Daemon(rig, config, "--record", rig.folder / "heap.lcmlog", env=env) as rsu:
+        bus = Bus()
+        vehicles = three_and_a_human()
+        bus.drive(vehicles, 0.5)
+        first = bus.plans[-1][1].cycle
+        rsu.signal(signal.SIGUSR2)
+        bus.drive(vehicles, 20.5)
+        rsu.signal(signal.SIGUSR2)
+        bus.drive(vehicles, 0.5)
+        cycles = bus.plans[-1][1].cycle - first
+        check(cycles >= 1000, f"{cycles} cycles")
+        check(counts.exists(), "the guard wrote its counts")
+        text = counts.read_text().split()
+        check(text[:4] == ["allocations", "0", "frees", "0"], " ".join(text))
+
+
+def a_recording_that_cannot_be_written_ends_and_planning_goes_on(rig):
+    with Daemon(rig, rig.config(), "--record", "/dev/full") as rsu:
+        bus = Bus()
+        bus.drive(three_and_a_human(), 1.5)
+        check("record_ended" in rsu.text(), "it says so")
+        check(bus.statuses[-1][1].state == 3, "degraded")
+        check(len(bus.plans) >= 30, "planning goes on")
+        check(rsu.stop()[1] == 0, "stops")
+    code = rig.run(rig.bin / "verge-rsu", "--config", rig.config(), "--record", "/no/such/x")[0]
+    check(code == 71, f"no place to record to: exit {code}, expected 71")
+
+
+def the_closed_loop_drives_by_its_plans(rig):
+    out = rig.folder / "run.jsonl"
+    config = SOURCE / "apps/scenarios/rsu-ramp.json"
+    with Daemon(rig, config) as rsu:
+        code, text, error = rig.run(
+            rig.bin / "verge-publish", SOURCE / "apps/scenarios/ramp-case1.json", "--bus",
+            "lcm:" + URL, "--duration", "8", "--out", out)
+        check(code == 0, error)
+        check(text.count(" cycle ") >= 30, "a line for each vehicle and plan:\n" + text)
+        metrics = json.loads(text[text.index("{"):])["metrics"]
+        check(metrics["collisions"] == 0, f"collisions: {metrics}")
+        check(rsu.stop()[1] == 0, "stops")
+    lines = [json.loads(line) for line in out.read_text().splitlines()]
+    check(lines[0]["format"] == "verge-run/1" and "metrics" in lines[-1], "a run file")
+    check(sum("vehicles" in line for line in lines) == 81, "a line a tick")
+    check(sum("plan" in line for line in lines) >= 12, "a line a cycle")
+
+
+CASES = [
+    without_a_bus_it_says_what_to_do_and_exits_69,
+    wrong_options_and_configurations_have_their_exit_codes,
+    the_printed_configuration_is_the_configuration,
+    one_plan_a_vehicle_a_cycle_and_it_replays_to_the_same_digests,
+    a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_speaks,
+    hostile_traffic_is_counted_and_costs_nobody_a_plan,
+    sighup_swaps_a_good_configuration_and_keeps_the_old_one_on_error,
+    a_long_planning_step_does_not_delay_stopping,
+    when_the_bus_comes_back_so_do_plans,
+    a_recording_that_cannot_be_written_ends_and_planning_goes_on,
+    the_closed_loop_drives_by_its_plans,
+    a_thousand_cycles_allocate_nothing,
+]
+
+
+# ---- set-up ---------------------------------------------------------------------------------
+
+def enter_lcm_python(venv):
+    """Continues in the interpreter that has the Python package lcm, if there is one."""
+    try:
+        import lcm  # noqa: F401
+        return
+    except ImportError:
+        pass
+    python = pathlib.Path(venv or "") / "bin" / "python3"
+    if not venv or not python.exists() or os.environ.get("VERGE_E2E_INSIDE"):
+        skip("the Python package lcm is missing (tools/setup makes a venv with it)")
+    os.environ["VERGE_E2E_INSIDE"] = "1"
+    os.execv(python, [str(python), *sys.argv])
+
+
+def enter_network():
+    """Continues in a network of its own unless this one is one already (loopback only)."""
+    names = [name for _, name in socket.if_nameindex()]
+    route = subprocess.run(["ip", "route", "show", "224.0.0.0/4"], capture_output=True, text=True)
+    if names == ["lo"] and "dev lo" in route.stdout:
+        return
+    os.execv(SOURCE / "tests/support/in_network.sh",
+             ["in_network.sh", sys.executable, *sys.argv])
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--lcm-python")
+    parser.add_argument("--only", default="")
+    args = parser.parse_args()
+    if shutil.which("lcm-gen") is None or shutil.which("lcm-logger") is None:
+        skip("lcm-gen or lcm-logger is missing (tools/setup installs them)")
+    enter_network()
+    enter_lcm_python(args.lcm_python)
+    failed = 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        subprocess.run(["lcm-gen", "-p", "--ppath", name, SOURCE / "transport/types/verge.lcm"],
+                       check=True)
+        sys.path.insert(0, name)
+        global lcm, verge
+        import lcm
+        import verge
+        for case in CASES:
+            if args.only not in case.__name__:
+                continue
+            began = time.monotonic()
+            try:
+                case(Rig(args.bin, folder))
+                word = "ok"
+            except (AssertionError, subprocess.TimeoutExpired) as trouble:
+                failed += 1
+                word = f"FAILED: {trouble}"
+                log = folder / "rsu.log"
+                if log.exists():
+                    print(log.read_text()[-3000:], file=sys.stderr)
+            print(f"{time.monotonic() - began:5.1f} s  {case.__name__}: {word}", flush=True)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -31,7 +31,8 @@ typedef struct vg_batch {
     uint32_t leg_count, offset_count;
     double   offsets[VERGE_SAMPLE_OFFSETS_MAX];  ///< [m] lateral end offsets
     vg_leg   legs[VERGE_SAMPLE_SPEEDS_MAX];
-    double   penalties[VERGE_SAMPLE_SPEEDS_MAX]; ///< [1] added to the cost for the order only
+    double   leg_penalties[VERGE_SAMPLE_SPEEDS_MAX];     ///< [1] added to the cost for the
+    double   offset_penalties[VERGE_SAMPLE_OFFSETS_MAX]; ///< order of choice only
     double   costs[VG_CANDIDATES_MAX];           ///< [leg * offset_count + offset]
     uint8_t  marks[VG_CANDIDATES_MAX];
 } vg_batch;

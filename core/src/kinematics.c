@@ -37,8 +37,9 @@ vg_profile vg_profile_braking(const vg_state* start, double level, double jerk)
 {
     VERGE_ASSERT(level >= 0.0 && jerk > 0.0);
     const double v = start->s_t, a = start->s_tt;
-    if (a < 0.0 && v <= a * a / (2.0 * jerk)) {
-        return stop_smoothly(start, 3.0 * v / -a); // stops before the brakes could be released
+    if (a <= 0.0 && v <= vg_max(a * a / (2.0 * jerk), 1e-6)) {
+        // Stops before the brakes could be released, or stands.
+        return stop_smoothly(start, a < 0.0 ? 3.0 * v / -a : 0.0);
     }
     vg_profile profile = { .count = 1 };
     profile.pieces[0] = (vg_piece){ .s = start->s, .v = v, .a = a };

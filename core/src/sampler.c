@@ -15,6 +15,8 @@
 #define FIRST_TRIES_MAX 6
 /// Sub-steps per point of the exact limit check: 10 ms at 0.1 s.
 #define LIMIT_PARTS 10
+/// Below this speed the jerk limit is off. [m/s]
+#define JOLT_SPEED 0.5
 /// Deceleration a dead end may ask for where comfort is dropped. [m/s^2] dry road
 #define DEAD_END_BRAKING 8.0
 
@@ -143,8 +145,12 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
     const verge_planner_def* def = job->def;
     const vg_path* keep = start == 0 ? NULL : ws->first.legs[0].path;
     const vg_path* path = vg_workspace_path(ws, job, lane, keep);
-    const double guess = vg_lane_project(&job->road->lanes[lane], from->x, from->y,
-                                         __builtin_nan(""));
+    // On one's own lane one knows where one is: the nearest point may be another turn of a ring.
+    const bool same = lane == (start == 0 ? job->lane : ws->lane);
+    const double near = start == 0 ? job->s : ws->s;
+    const double guess = same ? near
+                              : vg_lane_project(&job->road->lanes[lane], from->x, from->y,
+                                                __builtin_nan(""));
     const vg_state state = vg_state_of(path, from, guess);
     if (!state.valid) {
         return false;
@@ -175,7 +181,8 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
         uint32_t best = count;
         double least = VG_HUGE;
         for (uint32_t i = 0; i < count; i += 1) {
-            const double cost = batch->costs[i] + batch->penalties[i / batch->offset_count];
+            const double cost = batch->costs[i] + batch->leg_penalties[i / batch->offset_count]
+                              + batch->offset_penalties[i % batch->offset_count];
             if ((batch->marks[i] & refuse) == 0 && cost < least) {
                 least = cost;
                 best = i;
@@ -193,6 +200,9 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
                             job->def, &job->vehicle->habit.weights, chain->tracks,
                             job->track_index, batch->in_lane);
             vg_cost_add(&ws->cost, &cost);
+            const vg_profile* profile = &batch->legs[best / batch->offset_count].profile;
+            ws->lane = lane;
+            ws->s = vg_profile_at(profile, job->def->point_s * (batch->last - batch->start)).s;
             *choice = best;
             return true;
         }
@@ -223,7 +233,8 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
         || !vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking);
 }
 
-/// The car's limits between the points too.
+/// The car's limits between the points too, and the jerk brakes can build up; the last jolt of a
+/// stop is free, for one that brakes hard at walking speed has no other way to end it.
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset)
 {
@@ -231,7 +242,8 @@ static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, con
     for (uint32_t i = 1; i <= count; i += 1) {
         const vg_row row = vg_leg_row(leg, def->point_s * i / LIMIT_PARTS);
         const vg_rear rear = vg_rear_of(&row, offset);
-        if (!(vg_hard_ratio(&rear, row.s_t) <= 1.0)) {
+        const bool jolts = vg_abs(row.s_ttt) > VG_JERK_MAX && row.s_t > JOLT_SPEED;
+        if (jolts || !(vg_hard_ratio(&rear, row.s_t) <= 1.0)) {
             return false;
         }
     }

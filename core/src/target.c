@@ -32,6 +32,13 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
     const double low = segment->d - half, high = segment->d + half;
     batch->offset_count = spread(batch->offsets, def->sample_offsets, low, segment->d, high);
 
+    const double points = batch->last - batch->start;
+    for (uint32_t i = 0; i < batch->offset_count; i += 1) {
+        batch->offset_penalties[i] = changing ? VG_DECISION_PULL_OFFSET * points
+                                                    * vg_square(batch->offsets[i] - segment->d)
+                                              : 0.0;
+    }
+
     // A third of the speeds goes to braking below the region, where there is any.
     const region v = speed_region(job, segment, reference, start, T, emergency);
     double speeds[VERGE_SAMPLE_SPEEDS_MAX];
@@ -48,8 +55,8 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
         leg->path = path;
         leg->profile = vg_profile_to_speed(start, vg_max(v1, 0.0), vg_max(stop, 1e-3));
         vg_leg_link(leg, start, T, low, high);
-        batch->penalties[i] = VG_DECISION_PULL * (batch->last - batch->start)
-                            * vg_square(vg_max(v1, 0.0) - v.centre);
+        batch->leg_penalties[i] = VG_DECISION_PULL * points
+                                * vg_square(vg_max(v1, 0.0) - v.centre);
     }
 }
 

@@ -19,6 +19,9 @@ extern "C" {
 /// as the region allows. With 10 a vehicle told to gain 0.9 m/s gains about 0.75. It orders the
 /// candidates and is not part of the cost reported.
 #define VG_DECISION_PULL 10.0
+/// The same for the end offset of a change, where the paper's offset term is off: without it a
+/// change would end at the near edge of its region, always. Per point [1/m^2].
+#define VG_DECISION_PULL_OFFSET 1.0
 
 /// Fills legs, penalties and offsets of a batch for one segment of length T from a state.
 /// reference: the lane the path follows, whose speed limit holds.

@@ -25,6 +25,8 @@ struct vg_workspace {
     vg_track body;            ///< centre, of the trajectory so far
     vg_rear  motion[VERGE_POINTS_MAX]; ///< rear axle, of the trajectory so far; not at t = 0
     vg_motion start;          ///< rear axle at t = 0
+    uint32_t lane;            ///< where the trajectory so far ends: reference lane
+    double   s;               ///< [m] and the rear axle's coordinate on its path
     verge_cost cost;          ///< of the trajectory so far
     vg_refusals refusals;
     uint64_t near_start;      ///< tracks (bits) nearer than the clearance at t = 0

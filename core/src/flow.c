@@ -25,6 +25,8 @@ static const float joint_air_across = 0.3f;
 static const float merge_sight = 40.0f;
 // Beyond all roads: a vehicle that is not there, or not seen. [m]
 static const float nowhere = 1e9f;
+// Nearer by this to the next lane's centre a vehicle is on the next lane. [m]
+static const float border_air = 0.1f;
 // Within this of a lane's centre a change of lane starts from that lane. [m]
 static const float centred = 0.3f;
 // Paper, section 4: lane changes are planned for steps of 1.5 s, half a lane each.
@@ -82,6 +84,10 @@ INLINE f4 most(f4 a, f4 b)
     return choose(a > b, a, b);
 }
 
+INLINE float fabs_of(float x)
+{
+    return x < 0.0f ? -x : x;
+}
 INLINE bool any_of(i4 mask)
 {
     uint64_t halves[2];
@@ -809,8 +815,8 @@ static void settle(const vg_scene* scene, vg_flow* next, uint32_t slot, uint8_t 
         if (beside >= 0) {
             const bin_place there = bin_of(&road->lanes[beside], station);
             const float other = next->y[slot] - centre_at(there);
-            // A hair beyond half the way: a partial change that ends on the border has not crossed.
-            if (other * other < d * d - 0.01f) {
+            // Clearly beyond half the way: a partial change that ends on the border has not crossed.
+            if (fabs_of(other) < fabs_of(d) - border_air) {
                 next->lane[slot] = beside;
                 lane = &road->lanes[beside];
                 place = there;

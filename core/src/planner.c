@@ -317,12 +317,44 @@ static int32_t remembered_lane(const memory* last, int32_t id)
     return VERGE_NO_LANE;
 }
 
+// Where lanes overlap (merges, diverges) the lane is the one the vehicle is on its way along: the
+// lane it was on, else the one that continues that lane towards its target, else one that can
+// lead to the target at all.
+static verge_lane_position locate(const verge_planner* self, const verge_vehicle* v)
+{
+    const verge_road* road = self->road;
+    const int32_t before = remembered_lane(&self->last, v->id);
+    verge_lane_position at = verge_road_project(road, v->x, v->y, v->heading, before);
+    if (before != VERGE_NO_LANE && at.lane_id != before) {
+        const int32_t next = verge_road_next(road, before, v->controlled ? v->target_lane : VERGE_NO_LANE);
+        at = next == VERGE_NO_LANE ? at : verge_road_project(road, v->x, v->y, v->heading, next);
+    }
+    const int32_t target = v->controlled ? vg_road_lane_index(road, v->target_lane) : -1;
+    if (at.lane_id == VERGE_NO_LANE || target < 0) {
+        return at;
+    }
+    const uint32_t lane_count = road->lane_count;
+    uint8_t fewest = road->changes[(uint32_t)vg_road_lane_index(road, at.lane_id) * lane_count
+                                   + (uint32_t)target];
+    const bool never = fewest == 255 && !verge_road_continues(road, v->target_lane, at.lane_id);
+    for (uint32_t lane = 0; never && lane < lane_count; ++lane) {
+        const uint8_t changes = road->changes[lane * lane_count + (uint32_t)target];
+        if (changes < fewest) {
+            const verge_lane_position other =
+                verge_road_project(road, v->x, v->y, v->heading, road->lanes[lane].id);
+            if (other.lane_id == road->lanes[lane].id && other.contained) {
+                at = other;
+                fewest = changes;
+            }
+        }
+    }
+    return at;
+}
+
 static void place_all(verge_planner* self, uint32_t count)
 {
     for (uint32_t i = 0; i < count; ++i) {
-        const verge_vehicle* v = &self->vehicles[i];
-        const verge_lane_position at = verge_road_project(self->road, v->x, v->y, v->heading,
-                                                          remembered_lane(&self->last, v->id));
+        const verge_lane_position at = locate(self, &self->vehicles[i]);
         const int32_t lane = at.lane_id == VERGE_NO_LANE
                                  ? -1 : vg_road_lane_index(self->road, at.lane_id);
         self->placed[i] = (vg_placed){

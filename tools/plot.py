@@ -354,8 +354,8 @@ def label_actions(axes, run, view, scale):
               if np.any((t.xy[:, 0] > view[0]) & (t.xy[:, 0] < view[1]))]
     labels = Labels(axes, view, scale, inside)
     wanted = [(not word.startswith("LC"), track.t[a], track.id, track, a, word)
-              for track in run.controlled for a, b, word in track.segments()
-              if b - a > 3 and not (a == 0 and word == "KS")]
+              for track in run.controlled for k, (a, b, word) in enumerate(track.segments())
+              if b - a > 3 and not (k == 0 and word == "KS")]  # that a car drives on is no news
     for *_, track, index, word in sorted(wanted, key=lambda w: w[:3]):
         x, y = track.xy[index]
         if view[0] <= x <= view[1] and view[2] <= y <= view[3]:

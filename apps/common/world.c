@@ -217,16 +217,22 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
     if (!vehicle->present) {
         return;
     }
-    const verge_lane_position at =
-        verge_road_project(self->road, state->x, state->y, state->heading, vehicle->lane_last);
+    // Where lanes overlap (a merge, a diverge) it is on its way along: on the lane it was on,
+    // then on the one that continues that lane towards its target.
+    const int32_t lane = vehicle->lane_last;
+    verge_lane_position at =
+        verge_road_project(self->road, state->x, state->y, state->heading, lane);
+    if (lane != VERGE_NO_LANE && at.lane_id != lane) {
+        const int32_t next = verge_road_next(self->road, lane, state->target_lane);
+        at = verge_road_project(self->road, state->x, state->y, state->heading, next);
+    }
     if (at.lane_id != VERGE_NO_LANE && at.contained) {
         vehicle->lane = vehicle->lane_last = at.lane_id;
         return;
     }
-    if (vehicle->lane_last == VERGE_NO_LANE) {
+    if (lane == VERGE_NO_LANE) {
         return;
     }
-    const int32_t lane = vehicle->lane_last;
     const double  s = verge_road_project_on(self->road, lane, state->x, state->y).s;
     if (s >= verge_road_length(self->road, lane) - INSTANT &&
         verge_road_next(self->road, lane, state->target_lane) == VERGE_NO_LANE) {

@@ -21,7 +21,7 @@ static void plan_one(void* arg, uint32_t index);
 static void settle(const vg_workspace* ws, const vg_job* job, vg_tracks* tracks);
 static bool touch(const vg_tracks* tracks, const vg_job* a, const vg_job* b);
 static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const vg_tracks* tracks,
-                       const verge_vehicle_plan* plans);
+                       const verge_vehicle_plan* plans, uint32_t pass);
 static void force_apart(vg_workspace* const* workspaces, const vg_job* jobs, uint32_t count,
                         vg_tracks* tracks, verge_vehicle_plan* plans);
 
@@ -54,7 +54,7 @@ uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs
     for (uint32_t pass = 0; pass < PASSES_MAX && changed; pass += 1) {
         changed = false;
         for (uint32_t i = 0; i < job_count; i += 1) {
-            if (must_yield(i, jobs, job_count, tracks, plans)) {
+            if (must_yield(i, jobs, job_count, tracks, plans, pass)) {
                 plan_one(&all, i);
                 settle(workspaces[i], &jobs[i], tracks);
                 *replanned_count += 1;
@@ -99,12 +99,13 @@ static bool touch(const vg_tracks* tracks, const vg_job* a, const vg_job* b)
 }
 
 /// Of two that touch the later id yields, unless exactly one is a fallback: then the other one
-/// does, which still has a choice. Two fallbacks have none.
+/// does, which still has a choice. Two fallbacks have none; but one that fell back before a mere
+/// prediction of a planned vehicle gets a second chance against its trajectory.
 static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const vg_tracks* tracks,
-                       const verge_vehicle_plan* plans)
+                       const verge_vehicle_plan* plans, uint32_t pass)
 {
     if (plans[i].status != VERGE_PLANNED) {
-        return false;
+        return pass == 0 && plans[i].reason == VERGE_REASON_JOINT;
     }
     for (uint32_t j = 0; j < count; j += 1) {
         if ((j < i || (j > i && plans[j].status != VERGE_PLANNED))

@@ -234,7 +234,7 @@ static void bench_search(bench_scene* self, const settings* with)
         number_write(stdout, (double)scenes * iterations / seconds);
         printf(", \"instructions_per_iteration\": ");
         const double counted = instructions_of(with->instructions, planned[row]);
-        number_write(stdout, counted > 0.0 ? counted : NAN);
+        number_write(stdout, counted > 0.0 ? counted : (double)NAN);
         printf(", \"bytes_per_node\": %u, \"reward\": ",
                vg_node_size(self->scene.count, self->scene.controlled_count));
         number_write(stdout, reward / scenes);

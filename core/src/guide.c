@@ -7,6 +7,8 @@
 
 // A change that has come this far beyond a centre goes on to the next one. [m]
 static const double beyond_centre = 0.05;
+// As in flow.c: farther than this from the centre a change is under way. [m]
+static const double finishing_from = 0.3;
 
 static int32_t signal_of(uint8_t action)
 {
@@ -58,6 +60,27 @@ static uint32_t changed_to(const verge_road* road, uint32_t lane, double d, uint
     return lane;
 }
 
+// A change during which the lane ends: it aims at the neighbour of the lane it began on, whose
+// line goes on beyond the seam.
+static void aim_over_seam(const vg_scene* scene, const vg_flow* start, const vg_flow* end, uint32_t slot,
+                          uint8_t action, vg_segment* segment)
+{
+    const verge_road* road = scene->road;
+    const uint32_t lane = (uint32_t)start->lane[slot];
+    const bool left = action == VERGE_CHANGE_LEFT;
+    const uint32_t beside = changed_to(road, lane, left ? 1.0 : -1.0, action);
+    const double d = (double)start->d[slot];
+    const bool finishing = left ? d < -finishing_from : d > finishing_from;
+    if (finishing || beside == lane) {
+        return;
+    }
+    const uint64_t kept = road->continues[lane];
+    const double gap = (double)(left ? start->left_gap[slot] : -start->right_gap[slot]);
+    segment->lane = beside;
+    segment->d = ((kept >> end->lane[slot]) & 1u) != 0 ? (double)end->d[slot] - gap
+                                                       : (double)end->d[slot];
+}
+
 // Fills in where the run [from, to) is to end; `part` of its last step lies inside the horizon.
 static void aim(const vg_scene* scene, const vg_decision* decision, uint32_t slot, uint32_t from,
                 uint32_t to, double part, vg_segment* segment)
@@ -76,19 +99,16 @@ static void aim(const vg_scene* scene, const vg_decision* decision, uint32_t slo
     segment->v = (double)last->v[slot] + part * (double)(end->v[slot] - last->v[slot]);
     segment->lane = (uint32_t)start->lane[slot];
     segment->d = 0.0;
-    if (signal_of(action) != 0) {
+    if (signal_of(action) != 0 && road->lanes[end->lane[slot]].bundle == lane->bundle) {
         // Where the change ends decides the lane; a cut change aims at its part of the way.
         const uint32_t end_lane = (uint32_t)end->lane[slot];
-        const uint32_t aimed = changed_to(road, end_lane, (double)end->d[slot], action);
-        if (road->lanes[aimed].bundle == lane->bundle) {
-            const double y = (double)last->y[slot]
-                             + part * (double)(end->y[slot] - last->y[slot]);
-            const float station =
-                last->station[slot]
-                + (float)(part * (double)(end->station[slot] - last->station[slot]));
-            segment->lane = aimed;
-            segment->d = y - (double)vg_lane_lateral(&road->lanes[aimed], station);
-        }
+        const double y = (double)last->y[slot] + part * (double)(end->y[slot] - last->y[slot]);
+        const float station = last->station[slot]
+                              + (float)part * (end->station[slot] - last->station[slot]);
+        segment->lane = changed_to(road, end_lane, (double)end->d[slot], action);
+        segment->d = y - (double)vg_lane_lateral(&road->lanes[segment->lane], station);
+    } else if (signal_of(action) != 0) {
+        aim_over_seam(scene, start, end, slot, action, segment);
     }
     const vg_lane* reference = &road->lanes[segment->lane];
     const double s0 = vg_lane_s(reference, (double)start->station[slot]);

@@ -85,7 +85,8 @@ static int read_arguments(arguments* args, int argc, char** argv)
     memset(args, 0, sizeof *args);
     args->duration = NAN;
     const option_entry table[] = {
-        { "--bus", "URL", "the bus, such as lcm:udpm://239.255.76.67:7667?ttl=0", &args->bus, NULL },
+        { "--bus", "URL", "the bus, such as lcm:udpm://239.255.76.67:7667?ttl=0", &args->bus,
+          NULL },
         { "--out", "RUN.jsonl", "writes the run (format verge-run/1) to this file", &args->out,
           NULL },
         { "--duration", "S", "ends after so many seconds instead of the scenario's",

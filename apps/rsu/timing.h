@@ -1,7 +1,7 @@
 /// Cycle times of the recent past: last, 99th percentile, largest.
 ///
 /// The percentile is taken over a ring of TIMING_RING cycles, by the nearest-rank method; the
-/// largest is that of all cycles since the start. Cost: one sort of at most 1,024 numbers when asked.
+/// largest is that of all cycles since the start. Asking costs one sort of at most 1,024 numbers.
 #ifndef VERGE_RSU_TIMING_H
 #define VERGE_RSU_TIMING_H
 

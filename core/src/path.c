@@ -59,8 +59,8 @@ void vg_path_build(vg_path* path, const struct verge_road* road, uint32_t lane, 
         h[i] = path->knot_spacing;
         point_of(&all, s_from + path->knot_spacing * (double)i, &path->x[i], &path->y[i]);
     }
-    vg_spline_solve(path->x, h, path->knot_count, path->xss, work);
-    vg_spline_solve(path->y, h, path->knot_count, path->yss, work);
+    vg_spline_solve(path->x, h, path->knot_count, NULL, path->xss, work);
+    vg_spline_solve(path->y, h, path->knot_count, NULL, path->yss, work);
 }
 
 int32_t vg_lane_before(const struct verge_road* road, uint32_t lane)

@@ -9,9 +9,18 @@
 extern "C" {
 #endif
 
-/// What a fitted line may deviate from its survey, across it. A polyline's chords miss a curve of
-/// 50 m radius by as much at 8 m spacing, and recorded maps are good to a few decimetres. [m]
+/// What a fitted line may deviate from its survey, across it: as much as a polyline's chords miss a
+/// curve of 50 m radius at 8 m spacing; recorded maps are good to a few decimetres. [m]
 #define VG_FIT_TOLERANCE 0.15
+/// Single points of a noisy survey are not followed: up to VG_FIT_OUTLIER the tolerance counts only
+/// where the line is off by VG_FIT_MEAN on the mean of VG_FIT_WINDOW metres to each side. [m]
+#define VG_FIT_OUTLIER 0.30
+#define VG_FIT_MEAN 0.11
+#define VG_FIT_WINDOW 6.0
+/// As much more may it deviate at a merge or diverge, falling to nothing over VG_FIT_SEAM metres:
+/// surveys let branches meet the main lane at an angle that no vehicle drives. [m]
+#define VG_FIT_SEAM_TOLERANCE 0.15
+#define VG_FIT_SEAM 20.0
 /// Lanes further apart than this are no continuation of one another. [m]
 #define VG_GAP_MAX 20.0
 /// Width of the widest body that conflicts are found for. [m]
@@ -64,11 +73,11 @@ uint32_t vg_lane_runs(const vg_lane* lane, const vg_lane* other, double limit, b
 /// The lane before `lane` whose end fits its start best, -1 none.
 int32_t vg_lane_before(const struct verge_road* road, uint32_t lane);
 
-/// Second derivatives of the C2 cubic spline through value[0..count), with knots h[i] apart
-/// (h[i] between i and i + 1); the end values are those of the neighbouring third derivative.
-/// work: count doubles. count >= 4.
-void vg_spline_solve(const double* value, const double* h, uint32_t count, double* second,
-                     double* work);
+/// Second derivatives of the C2 cubic spline through value[0 .. count), with knots h[i] apart
+/// (h[i] between i and i + 1; count >= 4). slopes: first derivatives at both ends, or null: there
+/// the third derivative goes on as in the next interval. work: count doubles.
+void vg_spline_solve(const double* value, const double* h, uint32_t count, const double* slopes,
+                     double* second, double* work);
 
 #ifdef __cplusplus
 }

@@ -10,7 +10,7 @@
 ///     minimise  sum w_i (q_i - p_i)^2  +  sum (L_i / h)^6 (q_i+3 - 3 q_i+2 + 3 q_i+1 - q_i)^2
 ///
 /// where L, the length it smooths over, begins at 12 m and shrinks wherever the result would leave
-/// the survey by more than VG_FIT_TOLERANCE; (5) knots at equal arc length and one C2 spline
+/// the survey (VG_FIT_TOLERANCE and its kin); (5) knots at equal arc length and one C2 spline
 /// through all of them.
 ///
 /// At a merge or a diverge one chain is fitted first and holds its neighbours' ends in place.
@@ -61,6 +61,7 @@ typedef struct sample {
     double qx, qy;    ///< [m] fitted less shape; at the end fitted
     double weight;
     double smoothing; ///< [m] L
+    double slack;     ///< [m] on top of the tolerance
     double band[4];   ///< of the normal matrix: the diagonal and three to its right
     bool   shrink;
 } sample;
@@ -93,11 +94,15 @@ static void vertices_measure(fit* self);
 static void vertices_split(fit* self);
 static void vertices_shape(fit* self);
 static void samples_take(fit* self);
+static void samples_slacken(fit* self);
 static void samples_smooth(fit* self);
 static void samples_solve(fit* self);
 static bool samples_check(fit* self);
+static void samples_shrink(fit* self, uint32_t i);
 static void samples_to_spline(fit* self);
 static void knots_place(fit* self);
+static uint32_t knots_add(fit* self, uint32_t n, double s, double h, uint32_t count,
+                          uint32_t* hint);
 static void lanes_store(fit* self, uint32_t knot);
 
 // ------------------------------------------------------------------------------ the whole
@@ -323,33 +328,60 @@ static void vertex_add(fit* self, double x, double y, double weight, int32_t sea
                                                      .seam = seam };
 }
 
-/// Direction of a survey at its first or last stretch.
-static void end_direction(const verge_lane_def* lane, bool last, double* x, double* y)
+/// Unit vector along the survey's stretch number `skip` from its end (or start), in travel
+/// direction; false where there is none. Stretches below a centimetre are passed over.
+static bool end_stretch(const verge_lane_def* lane, bool last, uint32_t skip, double* x, double* y,
+                        double* length)
 {
     const uint32_t n = lane->point_count;
-    const double* at = lane->points[last ? n - 1 : 0];
-    *x = 1.0;
-    *y = 0.0;
+    const double* from = lane->points[last ? n - 1 : 0];
     for (uint32_t i = 1; i < n; ++i) {
-        const double* other = lane->points[last ? n - 1 - i : i];
-        const double dx = last ? at[0] - other[0] : other[0] - at[0];
-        const double dy = last ? at[1] - other[1] : other[1] - at[1];
-        const double norm = vg_sqrt(dx * dx + dy * dy);
-        if (norm > 0.01) {
-            *x = dx / norm;
-            *y = dy / norm;
-            return;
+        const double* to = lane->points[last ? n - 1 - i : i];
+        const double dx = last ? from[0] - to[0] : to[0] - from[0];
+        const double dy = last ? from[1] - to[1] : to[1] - from[1];
+        *length = vg_sqrt(dx * dx + dy * dy);
+        if (*length < 0.01) {
+            continue;
         }
+        if (skip-- == 0) {
+            *x = dx / *length;
+            *y = dy / *length;
+            return true;
+        }
+        from = to;
     }
+    return false;
 }
 
-/// Of the lanes in `candidates` the one whose direction at the joint fits best, -1 none.
-static int32_t best_joint(const verge_road_def* def, uint32_t lane, uint64_t candidates, bool before)
+/// Direction of a survey at its end or start: of the circle through its last three points where
+/// it is one, else of its last stretch.
+static void end_direction(const verge_lane_def* lane, bool last, double* x, double* y)
+{
+    double ax = 1.0, ay = 0.0, al = 1.0, bx, by, bl;
+    (void)end_stretch(lane, last, 0, &ax, &ay, &al);
+    *x = ax;
+    *y = ay;
+    if (!end_stretch(lane, last, 1, &bx, &by, &bl) || al > 2.0 * bl
+        || ax * bx + ay * by < 0.27) { // turns by more than 1.3 rad
+        return;
+    }
+    double tx = ax / al + bx / bl; // at the inner point; mirrored at the last chord
+    double ty = ay / al + by / bl;
+    const double norm = vg_sqrt(tx * tx + ty * ty);
+    const double along = (tx * ax + ty * ay) / norm;
+    *x = 2.0 * along * ax - tx / norm;
+    *y = 2.0 * along * ay - ty / norm;
+}
+
+/// Of the lanes in `candidates` the one whose direction at the joint fits best, -1 none. A fitted
+/// lane is preferred: it will not give way.
+static int32_t best_joint(const verge_road_def* def, uint32_t lane, uint64_t candidates,
+                          uint64_t fitted, bool before)
 {
     double x, y;
     end_direction(&def->lanes[lane], !before, &x, &y);
     int32_t best = -1;
-    double best_cosine = -2.0;
+    double best_fitness = -2.0;
     for (uint32_t i = 0; i < def->lane_count; ++i) {
         double ox, oy;
         if ((candidates >> i & 1u) == 0) {
@@ -364,12 +396,14 @@ static int32_t best_joint(const verge_road_def* def, uint32_t lane, uint64_t can
                           < context_gap * context_gap;
         end_direction(other, before, &ox, &oy);
         const double cosine = x * ox + y * oy;
-        if (near && cosine > best_cosine) {
+        const double fitness = cosine + ((fitted >> i & 1u) != 0 ? 0.2 : 0.0);
+        // More than 60 degrees is a corner, not a context.
+        if (near && cosine > 0.5 && fitness > best_fitness) {
             best = (int32_t)i;
-            best_cosine = cosine;
+            best_fitness = fitness;
         }
     }
-    return best_cosine > 0.5 ? best : -1; // more than 60 degrees is a corner, not a context
+    return best;
 }
 
 static uint64_t successors_of(const verge_road_def* def, uint32_t lane)
@@ -393,7 +427,7 @@ static uint32_t context_walk(const fit* self, bool before, double (*points)[3], 
     for (uint32_t step = 0; step < VERGE_LANES_MAX && way < context_length; ++step) {
         const uint64_t candidates = before ? self->draft->predecessors[lane]
                                            : successors_of(def, lane);
-        const int32_t next = best_joint(def, lane, candidates, before);
+        const int32_t next = best_joint(def, lane, candidates, self->fitted, before);
         if (next < 0) {
             break;
         }
@@ -638,6 +672,25 @@ static void samples_take(fit* self)
                  &p->py);
         p->weight = vg_min(v[at].weight, v[at + 1].weight);
         p->smoothing = smoothing_max;
+        p->slack = 0.0;
+    }
+    samples_slacken(self);
+}
+
+/// More slack towards those ends of the chain where a fitted neighbour holds the line.
+static void samples_slacken(fit* self)
+{
+    const double ends[2] = { self->seams[0], self->seams[self->chain->lane_count] };
+    const bool held[2] = { self->vertices[0].weight > 1.0,
+                           self->vertices[self->vertex_count - 1].weight > 1.0 };
+    for (uint32_t i = 0; i < self->sample_count; ++i) {
+        for (int end = 0; end < 2; ++end) {
+            const double way = vg_abs((double)i - ends[end]) * self->spacing;
+            const double slack = VG_FIT_SEAM_TOLERANCE * (1.0 - way / VG_FIT_SEAM);
+            if (held[end]) {
+                self->samples[i].slack = vg_max(self->samples[i].slack, slack);
+            }
+        }
     }
 }
 
@@ -711,23 +764,32 @@ static bool samples_check(fit* self)
 {
     sample* p = self->samples;
     const uint32_t n = self->sample_count;
-    bool good = true;
-    for (uint32_t i = 0; i < n; ++i) {
+    const uint32_t window = (uint32_t)(VG_FIT_WINDOW / self->spacing) + 1; // some 6 samples
+    double* deviation = self->work;
+    for (uint32_t i = 0; i < n; ++i) { // to the left of the survey
         const sample* before = &p[i > 0 ? i - 1 : 0];
         const sample* behind = &p[i + 1 < n ? i + 1 : n - 1];
         const double tx = behind->px - before->px;
         const double ty = behind->py - before->py;
         const double norm = vg_max(vg_sqrt(tx * tx + ty * ty), 1e-9);
-        const double deviation = vg_abs(p[i].qx * ty - p[i].qy * tx) / norm;
-        if (p[i].weight > 1.0 || deviation <= VG_FIT_TOLERANCE
-            || p[i].smoothing <= smoothing_min) {
+        deviation[i] = (p[i].qy * tx - p[i].qx * ty) / norm;
+    }
+    bool good = true;
+    for (uint32_t i = 0; i < n; ++i) {
+        if (p[i].weight > 1.0 || p[i].smoothing <= smoothing_min) {
             continue;
         }
-        good = false;
-        const uint32_t reach = (uint32_t)(p[i].smoothing / self->spacing) + 1; // <= 12 m
-        const uint32_t first = i > reach ? i - reach : 0;
-        for (uint32_t k = first; k < n && k <= i + reach; ++k) {
-            p[k].shrink = true;
+        double sum = 0.0;
+        const uint32_t first = i > window ? i - window : 0;
+        const uint32_t last = i + window < n ? i + window : n - 1;
+        for (uint32_t k = first; k <= last; ++k) {
+            sum += deviation[k];
+        }
+        const double mean = vg_abs(sum) / (double)(last - first + 1);
+        const double off = vg_abs(deviation[i]) - p[i].slack;
+        if (off > VG_FIT_OUTLIER || (off > VG_FIT_TOLERANCE && mean > VG_FIT_MEAN)) {
+            good = false;
+            samples_shrink(self, i);
         }
     }
     for (uint32_t i = 0; i < n; ++i) {
@@ -737,6 +799,17 @@ static bool samples_check(fit* self)
         }
     }
     return good;
+}
+
+/// Marks all samples whose penalty bears on sample i.
+static void samples_shrink(fit* self, uint32_t i)
+{
+    sample* p = self->samples;
+    const uint32_t reach = (uint32_t)(p[i].smoothing / self->spacing) + 1; // <= 12 m
+    const uint32_t first = i > reach ? i - reach : 0;
+    for (uint32_t k = first; k < self->sample_count && k <= i + reach; ++k) {
+        p[k].shrink = true;
+    }
 }
 
 // ------------------------------------------------------------------------------ (5) knots
@@ -777,8 +850,8 @@ static void samples_to_spline(fit* self)
         self->y[i] = self->samples[i].qy;
         self->h[i] = 1.0;
     }
-    vg_spline_solve(self->x, self->h, n, self->xss, self->work);
-    vg_spline_solve(self->y, self->h, n, self->yss, self->work);
+    vg_spline_solve(self->x, self->h, n, NULL, self->xss, self->work);
+    vg_spline_solve(self->y, self->h, n, NULL, self->yss, self->work);
     self->arc[0] = 0.0;
     for (uint32_t i = 0; i + 1 < n; ++i) {
         self->arc[i + 1] = self->arc[i] + spline_arc(self, i, 1.0);
@@ -794,22 +867,24 @@ static double arc_at(const fit* self, double u)
     return self->arc[i] + spline_arc(self, i, inside - (double)i);
 }
 
-/// The point at an arc length; *hint is the interval to start looking from, as they come in order.
-static void point_at_arc(const fit* self, double s, uint32_t* hint, double* x, double* y)
+/// Point and direction at an arc length; *hint is the interval to start looking from, as they
+/// come in order.
+static void point_at_arc(const fit* self, double s, uint32_t* hint, double point[2],
+                         double direction[2])
 {
     while (*hint + 2 < self->sample_count && self->arc[*hint + 1] < s) {
         ++*hint;
     }
     const uint32_t i = *hint;
     double u = (s - self->arc[i]) / (self->arc[i + 1] - self->arc[i]);
-    double xs, ys;
-    for (int round = 0; round < 4; ++round) { // speed along the interval is nearly constant
-        spline_at(self->x + i, self->xss + i, self->h[i], u, x, &xs);
-        spline_at(self->y + i, self->yss + i, self->h[i], u, y, &ys);
-        u += (s - self->arc[i] - spline_arc(self, i, u)) / vg_sqrt(xs * xs + ys * ys);
+    for (int round = 0; round < 5; ++round) { // speed along the interval is nearly constant
+        spline_at(self->x + i, self->xss + i, self->h[i], u, &point[0], &direction[0]);
+        spline_at(self->y + i, self->yss + i, self->h[i], u, &point[1], &direction[1]);
+        const double speed = vg_sqrt(vg_square(direction[0]) + vg_square(direction[1]));
+        u += (s - self->arc[i] - spline_arc(self, i, u)) / speed;
+        direction[0] /= speed;
+        direction[1] /= speed;
     }
-    spline_at(self->x + i, self->xss + i, self->h[i], u, x, &xs);
-    spline_at(self->y + i, self->yss + i, self->h[i], u, y, &ys);
 }
 
 /// Knots: some of the context before, each lane's own at equal distances, some behind. They are
@@ -819,51 +894,51 @@ static void knots_place(fit* self)
     const chain* chain = self->chain;
     const double first = arc_at(self, self->seams[0]);
     const double last = arc_at(self, self->seams[chain->lane_count]);
-    const double total = self->arc[self->sample_count - 1];
     const double before = vg_clamp(first, 0.0, (double)CONTEXT_KNOTS);
+    const double total = self->arc[self->sample_count - 1];
     const double behind = vg_clamp(total - last, 0.0, (double)CONTEXT_KNOTS);
     const uint32_t lead = before < 0.5 ? 0 : (uint32_t)before + 1;
     const uint32_t tail = behind < 0.5 ? 0 : (uint32_t)behind + 1;
-    uint32_t n = 0;
-    uint32_t hint = 0;
-    sample* knots = self->samples;
 
-    for (uint32_t i = 0; i < lead; ++i) {
-        const double h = before / (double)lead;
-        point_at_arc(self, first - before + h * (double)i, &hint, &knots[n].qx, &knots[n].qy);
-        knots[n++].weight = h;
+    uint32_t hint = 0;
+    uint32_t n = 0;
+    if (lead > 0) {
+        n = knots_add(self, n, first - before, before / (double)lead, lead, &hint);
     }
     for (uint32_t k = 0; k < chain->lane_count; ++k) {
         vg_lane* lane = &self->draft->road->lanes[chain->lanes[k]];
         const double start = arc_at(self, self->seams[k]);
         lane->length = vg_max(arc_at(self, self->seams[k + 1]) - start, 0.01);
         lane->knot_spacing = lane->length / (double)(lane->knot_count - 1);
-        for (uint32_t i = k == 0 ? 0 : 1; i < lane->knot_count; ++i) {
-            point_at_arc(self, start + lane->knot_spacing * (double)i, &hint, &knots[n].qx,
-                         &knots[n].qy);
-            knots[n].weight = lane->knot_spacing;
-            if (i > 0) {
-                knots[n - 1].weight = lane->knot_spacing;
-            }
-            VERGE_ASSERT(n + 1 < self->sample_capacity);
-            ++n;
-        }
+        n = knots_add(self, n, start, lane->knot_spacing, lane->knot_count - 1, &hint);
     }
-    for (uint32_t i = 1; i <= tail; ++i) {
-        const double h = behind / (double)tail;
-        knots[n - 1].weight = h;
-        point_at_arc(self, last + h * (double)i, &hint, &knots[n].qx, &knots[n].qy);
-        ++n;
-    }
+    const double rest = tail > 0 ? behind / (double)tail : 0.0;
+    n = knots_add(self, n, last, rest, tail + 1, &hint);
 
+    const sample* knots = self->samples;
+    const double slopes_x[2] = { knots[0].px, knots[n - 1].px };
+    const double slopes_y[2] = { knots[0].py, knots[n - 1].py };
     for (uint32_t i = 0; i < n; ++i) {
         self->x[i] = knots[i].qx;
         self->y[i] = knots[i].qy;
         self->h[i] = knots[i].weight;
     }
-    vg_spline_solve(self->x, self->h, n, self->xss, self->work);
-    vg_spline_solve(self->y, self->h, n, self->yss, self->work);
+    vg_spline_solve(self->x, self->h, n, slopes_x, self->xss, self->work);
+    vg_spline_solve(self->y, self->h, n, slopes_y, self->yss, self->work);
     lanes_store(self, lead);
+}
+
+/// Puts `count` knots h apart from arc length s on into the samples from n on; returns the next n.
+static uint32_t knots_add(fit* self, uint32_t n, double s, double h, uint32_t count, uint32_t* hint)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        double point[2], direction[2];
+        VERGE_ASSERT(n < self->sample_capacity);
+        point_at_arc(self, s + h * (double)i, hint, point, direction);
+        self->samples[n++] = (sample){ .qx = point[0], .qy = point[1], .px = direction[0],
+                                       .py = direction[1], .weight = h };
+    }
+    return n;
 }
 
 static void lanes_store(fit* self, uint32_t knot)
@@ -882,32 +957,44 @@ static void lanes_store(fit* self, uint32_t knot)
     }
 }
 
-void vg_spline_solve(const double* value, const double* h, uint32_t count, double* second,
-                     double* work)
+void vg_spline_solve(const double* value, const double* h, uint32_t count, const double* slopes,
+                     double* second, double* work)
 {
     VERGE_ASSERT(count >= 4);
     // Continuity of the slope at the inner knots: h0 M0 + 2 (h0 + h1) M1 + h1 M2 = 6 (slope step).
-    // At both ends the third derivative goes on unchanged, so M0 = M1 - (M2 - M1) h0 / h1.
     const uint32_t last = count - 1;
     work[0] = 0.0;
     second[0] = 0.0;
+    if (slopes != NULL) {
+        work[0] = 0.5;
+        second[0] = 3.0 * ((value[1] - value[0]) / h[0] - slopes[0]) / h[0];
+    }
     for (uint32_t i = 1; i < last; ++i) {
         double lower = h[i - 1];
         double diagonal = 2.0 * (h[i - 1] + h[i]);
         double upper = h[i];
-        if (i == 1) {
+        if (slopes == NULL && i == 1) { // M0 = M1 - (M2 - M1) h0 / h1
             diagonal += lower + lower * lower / upper;
             upper -= lower * lower / upper;
             lower = 0.0;
-        } else if (i == last - 1) {
-            diagonal += h[i] + h[i] * h[i] / lower;
-            lower -= h[i] * h[i] / lower;
+        } else if (slopes == NULL && i == last - 1) {
+            diagonal += upper + upper * upper / lower;
+            lower -= upper * upper / lower;
             upper = 0.0;
         }
         const double step = (value[i + 1] - value[i]) / h[i] - (value[i] - value[i - 1]) / h[i - 1];
         const double pivot = diagonal - lower * work[i - 1];
         work[i] = upper / pivot;
         second[i] = (6.0 * step - lower * second[i - 1]) / pivot;
+    }
+    second[last] = 0.0;
+    if (slopes != NULL) {
+        const double step = slopes[1] - (value[last] - value[last - 1]) / h[last - 1];
+        second[last] = (6.0 * step / h[last - 1] - second[last - 1]) / (2.0 - work[last - 1]);
+        for (uint32_t i = last; i-- > 0;) {
+            second[i] -= work[i] * second[i + 1];
+        }
+        return;
     }
     for (uint32_t i = last - 1; i-- > 1;) {
         second[i] -= work[i] * second[i + 1];

@@ -1,9 +1,9 @@
 /// A road: any graph of lanes, as surveyed.
 ///
 /// The caller describes lanes by polylines; the planner fits a smooth reference line to each
-/// (continuous heading and curvature, the smoothest one within 0.15 m of
-/// the survey), finds which neighbours run beside where, which lanes meet downstream, and where
-/// lanes that are not neighbours run through the same area.
+/// (continuous heading and curvature, the smoothest one that stays within 0.15 m of the survey;
+/// 0.3 m of single points of it, and where lanes merge), finds which neighbours run beside where,
+/// which lanes meet downstream, and where lanes that are not neighbours run through the same area.
 ///
 /// Lifetime    The def and all it points to are read by verge_planner_init() only, and copied.
 #ifndef VERGE_ROAD_H

@@ -12,8 +12,8 @@
 /// min_distance     [m] between two bodies, over all pairs and ticks
 /// min_center_gap   [m] the paper's: distance of centres less 5 m, of vehicles within 2 m of
 ///                  each other across the direction of one of them
-/// min_ttc          [s] gap over closing speed of a vehicle and one ahead of it that overlaps it
-///                  laterally, both going on straight at their speeds
+/// min_ttc          [s] gap over closing speed of a vehicle and one ahead of it that drives the
+///                  same way (within 45 degrees) and overlaps it laterally
 /// max_abs_*        over controlled vehicles, at each tick
 /// fallbacks        vehicle plans that were fallbacks
 /// nodes_mean       [1] search nodes a cycle

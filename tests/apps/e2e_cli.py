@@ -1,0 +1,176 @@
+#!/usr/bin/env python3
+"""verge-plan and verge-sim from outside: their documents, their exit codes, their bytes.
+
+Reads what they print with Python's own json and mathematics, and holds it against the contract.
+Usage: e2e_cli.py --bin DIR [--scenarios DIR]
+"""
+import argparse
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import tempfile
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+COLUMNS = ["t", "x", "y", "heading", "speed", "acceleration", "curvature", "jerk"]
+METRICS = ["success", "collisions", "finish_time", "reached_time", "min_distance",
+           "min_center_gap", "min_ttc", "max_abs_acceleration", "max_abs_jerk",
+           "max_abs_curvature", "fallbacks", "nodes_mean"]
+
+
+def run(program, *arguments, status=0):
+    done = subprocess.run([program, *arguments], capture_output=True, text=True, timeout=300)
+    assert done.returncode == status, \
+        f"{program} {arguments}: exit {done.returncode}, expected {status}: {done.stderr}"
+    if status == 2:
+        assert re.fullmatch(r"[^\n]+:[^\n]+: [^\n]+\n", done.stderr), repr(done.stderr)
+        assert done.stdout == "", "half a document beside an error"
+    return done.stdout
+
+
+def corners(x, y, heading, length, width):
+    c, s = math.cos(heading), math.sin(heading)
+    return [(x + a * c - b * s, y + a * s + b * c)
+            for a, b in ((length / 2, width / 2), (-length / 2, width / 2),
+                         (-length / 2, -width / 2), (length / 2, -width / 2))]
+
+
+def overlap(one, other, slack=1e-9):
+    """Separating axes of two rectangles given by their corners."""
+    for a, b in ((one, other), (other, one)):
+        for i in range(2):
+            ax, ay = a[i + 1][0] - a[i][0], a[i + 1][1] - a[i][1]
+            p = [x * ax + y * ay for x, y in a]
+            q = [x * ax + y * ay for x, y in b]
+            if max(p) <= min(q) + slack or max(q) <= min(p) + slack:
+                return False
+    return True
+
+
+def check_plan(plan, scenario):
+    assert plan["format"] == "verge-plan/1" and plan["scenario"] == scenario["name"]
+    assert re.fullmatch("[0-9a-f]{16}", plan["digest"])
+    size = {v["id"]: (v["length"], v["width"]) for v in scenario["vehicles"]}
+    bodies = {}
+    for vehicle in plan["vehicles"]:
+        assert vehicle["status"] in ("planned", "fallback")
+        assert vehicle["status"] == "planned" or len(vehicle["reason"]) > 10
+        actions, trajectory = vehicle["actions"], vehicle["trajectory"]
+        assert actions and trajectory["columns"] == COLUMNS
+        for before, after in zip(actions, actions[1:]):
+            assert abs(before["t1"] - after["t0"]) < 1e-9, "a hole in the action sequence"
+        for action in actions:
+            assert action["action"] in ("KS", "AC", "DC", "LCL", "LCR")
+            assert action["turn_signal"] in ("left", "none", "right") and action["say"]
+        for k, point in enumerate(trajectory["points"]):
+            assert len(point) == 8 and all(isinstance(p, (int, float)) for p in point), point
+            assert abs(point[0] - k * trajectory["dt"]) < 1e-9
+        total = sum(v for k, v in vehicle["cost"].items() if k != "total")
+        assert abs(total - vehicle["cost"]["total"]) <= 1e-6 * max(1.0, abs(total))
+        bodies[vehicle["id"]] = [p[1:4] for p in trajectory["points"]]
+    for prediction in plan["predictions"]:
+        assert prediction["id"] not in bodies
+        bodies[prediction["id"]] = [p[1:4] for p in prediction["points"]]
+    fallback = {v["id"] for v in plan["vehicles"] if v["status"] == "fallback"}
+    planned = [v["id"] for v in plan["vehicles"]]
+    for one in planned:
+        for other in bodies:
+            if one == other or fallback & {one, other}:
+                continue
+            for k, (a, b) in enumerate(zip(bodies[one], bodies[other])):
+                assert not overlap(corners(*a, *size[one]), corners(*b, *size[other])), \
+                    f"{one} and {other} overlap at point {k}"
+
+
+def check_start(plan, scenario):
+    controlled = {v["id"]: v for v in scenario["vehicles"] if v["control"] == "controlled"}
+    assert sorted(controlled) == sorted(v["id"] for v in plan["vehicles"])
+    for vehicle in plan["vehicles"]:
+        first, start = vehicle["trajectory"]["points"][0], controlled[vehicle["id"]]
+        for column, name in ((1, "x"), (2, "y"), (3, "heading"), (4, "speed"), (5, "acceleration")):
+            assert first[column] == start[name], (vehicle["id"], name, first[column], start[name])
+
+
+def check_run(path, scenario, printed):
+    with open(path, encoding="utf-8") as file:
+        lines = [json.loads(line) for line in file]
+    head, last = lines[0], lines[-1]
+    assert head["format"] == "verge-run/1" and head["dt"] == 0.1
+    assert head["scenario"]["road"] == scenario["road"]
+    assert "iterations" in head["scenario"]["planner"] and "seed" in head["scenario"]["planner"]
+    assert last["metrics"] == printed
+    plans, plan_time, ticks = {}, 0.0, 0
+    for line in lines[1:-1]:
+        if "plan" in line:
+            check_plan(line["plan"], scenario)
+            plans = {v["id"]: v for v in line["plan"]["vehicles"]}
+            plan_time = line["t"]
+            continue
+        assert abs(line["t"] - ticks * 0.1) < 1e-9
+        for row in line["vehicles"]:
+            assert len(row) == 10 and row[7] in ("KS", "AC", "DC", "LCL", "LCR", None)
+            index = round((line["t"] - plan_time) * 10)
+            if row[0] in plans and index > 0:
+                assert row[1:6] == plans[row[0]]["trajectory"]["points"][index][1:6], \
+                    f"vehicle {row[0]} is not on its trajectory at {line['t']}"
+        ticks += 1
+    assert ticks == round(scenario["simulation"]["duration"] * 10) + 1
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--scenarios", default=os.path.join(HERE, "../../apps/scenarios"))
+    # Options of the other end-to-end tests are none of ours.
+    options, _ = parser.parse_known_args()
+    plan_program = os.path.join(options.bin, "verge-plan")
+    sim_program = os.path.join(options.bin, "verge-sim")
+    names = sorted(n for n in os.listdir(options.scenarios)
+                   if n.startswith(("freeway", "ramp", "roundabout")))
+    assert len(names) >= 8
+    with tempfile.TemporaryDirectory() as folder:
+        for name in names:
+            path = os.path.join(options.scenarios, name)
+            with open(path, encoding="utf-8") as file:
+                scenario = json.load(file)
+            text = run(plan_program, path)
+            assert text == run(plan_program, path), "two runs, two documents"
+            check_plan(json.loads(text), scenario)
+            check_start(json.loads(text), scenario)
+            for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)[:2000]:
+                assert "%.17g" % float(number) == number, number
+        path = os.path.join(options.scenarios, "ramp-case1.json")
+        with open(path, encoding="utf-8") as file:
+            scenario = json.load(file)
+        runs = [os.path.join(folder, n) for n in ("a.jsonl", "b.jsonl")]
+        outputs = [run(sim_program, path, "--no-timing", "--out", r) for r in runs]
+        assert outputs[0] == outputs[1]
+        with open(runs[0], "rb") as a, open(runs[1], "rb") as b:
+            assert a.read() == b.read(), "two runs, two run files"
+        printed = json.loads(outputs[0])["metrics"]
+        assert set(METRICS) <= set(printed) and "cycle_ms" not in printed
+        check_run(runs[0], scenario, printed)
+        timed = json.loads(run(sim_program, path))["metrics"]
+        assert set(timed.pop("cycle_ms")) == {"p50", "p99", "max"} and timed == printed
+        assert run(plan_program, path, "--seed", "99") == run(plan_program, path, "--seed=99")
+        broken = os.path.join(folder, "broken.json")
+        with open(broken, "w", encoding="utf-8") as file:
+            file.write('{ "format": "verge-scenario/1", ')
+        for program in (plan_program, sim_program):
+            assert run(program, "--version").startswith("verge-")
+            assert "usage" in run(program, "--help")
+            for wrong in ([], ["--nonsense", path], [path, path], [broken], ["--seed", "x", path],
+                          [os.path.join(folder, "none.json")]):
+                run(program, *wrong, status=2)
+        run(sim_program, broken, "--out", os.path.join(folder, "c.jsonl"), status=2)
+        run(sim_program, path, "--out", os.path.join(folder, "no/folder"), status=2)
+        left = sorted(os.listdir(folder))
+        assert left == ["a.jsonl", "b.jsonl", "broken.json"], f"left behind: {left}"
+    print(f"{len(names)} scenarios, plan documents, run files, exit codes: as the contract says")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

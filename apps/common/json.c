@@ -10,6 +10,7 @@
 #include <string.h>
 
 static bool read_file(const char* path, char** text, size_t* size);
+static size_t text_end(const char* text, size_t size);
 static void report_syntax(json_file* file, const char* text, const char* end);
 static void check_values(const json_at* at);
 static void path_write(const json_at* at, char* text, size_t size);
@@ -38,14 +39,22 @@ bool json_file_load(json_file* file, const char* path)
 bool json_file_parse(json_file* file, const char* name, const char* text, size_t size)
 {
     *file = (json_file){ .name = strdup(name) };
-    if (memchr(text, '\0', size) != NULL) {
-        snprintf(file->error, sizeof file->error, "%s:1: not text, expected JSON\n", name);
+    const size_t bad = text_end(text, size);
+    if (bad < size) {
+        uint32_t line = 1;
+        for (size_t i = 0; i < bad; i++) {
+            line += text[i] == '\n';
+        }
+        snprintf(file->error, sizeof file->error, "%s:%u: not text, expected JSON in UTF-8\n", name,
+                 line);
+        json_file_free(file);
         return false;
     }
     // cJSON wants its terminator: it then refuses whatever follows the document.
     char* copy = malloc(size + 1);
     if (copy == NULL) {
         snprintf(file->error, sizeof file->error, "%s:file: out of memory\n", name);
+        json_file_free(file);
         return false;
     }
     memcpy(copy, text, size);
@@ -306,6 +315,31 @@ static bool read_file(const char* path, char** text, size_t* size)
     *text = buffer;
     *size = used;
     return true;
+}
+
+/// Where text stops being UTF-8 without null bytes; size: nowhere. What passes here can be
+/// written out again as it is.
+static size_t text_end(const char* text, size_t size)
+{
+    size_t i = 0;
+    while (i < size) {
+        const unsigned char head = (unsigned char)text[i];
+        const size_t length = head < 0x80                   ? 1
+                              : head >= 0xc2 && head < 0xe0 ? 2
+                              : head >= 0xe0 && head < 0xf0 ? 3
+                              : head >= 0xf0 && head < 0xf5 ? 4
+                                                            : 0;
+        if (length == 0 || head == 0 || i + length > size) {
+            return i;
+        }
+        for (size_t k = 1; k < length; k++) {
+            if (((unsigned char)text[i + k] & 0xc0) != 0x80) {
+                return i;
+            }
+        }
+        i += length;
+    }
+    return size;
 }
 
 static void report_syntax(json_file* file, const char* text, const char* end)

@@ -108,6 +108,7 @@ static void test_json_that_is_broken_is_refused_with_its_line(void** state)
     refused("\"speed\": 15.0", "\"speed\": 15.0, \"speed\": 1.0",
             "vehicles[0].speed: appears twice");
     refused("{ \"format\"", "[{ \"format\"", "a.json:");
+    refused("\"none\"", "\"n\xffne\"", "a.json:1: not text");
 }
 
 static void test_keys_are_exact(void** state)

@@ -18,6 +18,8 @@ static const double coordinate_max = 1e6; // [m]
 static const double speed_max = 70.0;     // [m/s]
 static const double acceleration_max = 30.0;
 static const double yaw_rate_max = 5.0;
+// A vehicle this near to its last trajectory follows it. [m]
+static const double on_plan = 0.3;
 
 // What is kept from step to step.
 typedef struct memory {
@@ -26,6 +28,10 @@ typedef struct memory {
     uint32_t count;
     int32_t  ids[VERGE_CONTROLLED_MAX];
     vg_line  line;
+    uint32_t plan_count;                     // trajectories, by vehicle id
+    int32_t  plan_ids[VERGE_CONTROLLED_MAX];
+    double   curvature[VERGE_CONTROLLED_MAX][VERGE_POINTS_MAX];
+    double   x[VERGE_CONTROLLED_MAX][VERGE_POINTS_MAX], y[VERGE_CONTROLLED_MAX][VERGE_POINTS_MAX];
     uint32_t lane_count;                     // last known lanes, of all vehicles
     int32_t  lane_ids[VERGE_VEHICLES_MAX];
     int32_t  lane_of[VERGE_VEHICLES_MAX];    // lane id
@@ -53,8 +59,10 @@ static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def);
 static verge_status   accept(verge_planner* self, const verge_vehicle* vehicles, uint32_t count);
 static void           place_all(verge_planner* self, uint32_t count);
 static bool           decide(verge_planner* self, int64_t utime, uint32_t count);
-static void           plan_all(verge_planner* self, bool decided, uint32_t count, verge_plan* plan);
-static void           remember(verge_planner* self, int64_t utime, uint32_t count, bool decided);
+static void           plan_all(verge_planner* self, int64_t utime, bool decided, uint32_t count,
+                               verge_plan* plan);
+static void           remember(verge_planner* self, int64_t utime, uint32_t count, bool decided,
+                               const verge_plan* plan);
 static void           report(verge_planner* self, int64_t utime, uint32_t count, verge_plan* plan);
 
 // ---------------------------------------------------------------------------- memory
@@ -235,8 +243,8 @@ verge_status verge_planner_step(verge_planner* self, int64_t utime, const verge_
     // Everyone's actions first, from the flow ordered by id; then one trajectory for each.
     memset(&plan->search, 0, sizeof plan->search);
     const bool decided = decide(self, utime, vehicle_count);
-    plan_all(self, decided, vehicle_count, plan);
-    remember(self, utime, vehicle_count, decided);
+    plan_all(self, utime, decided, vehicle_count, plan);
+    remember(self, utime, vehicle_count, decided, plan);
     report(self, utime, vehicle_count, plan);
     return VERGE_OK;
 }
@@ -435,7 +443,30 @@ static int32_t slot_of(const vg_scene* scene, uint32_t input_index)
     return -1;
 }
 
-static void prepare(verge_planner* self, uint32_t i, const int32_t* ids, vg_job* job,
+// Where the yaw rate tells nothing (below 2 m/s, or not measured) a vehicle that is where its
+// last trajectory wanted it is taken to steer as that trajectory did: without this a vehicle that
+// crawls through a bend would be planned straight ahead again and again.
+static double known_curvature(const verge_planner* self, const verge_vehicle* v, int64_t utime)
+{
+    if (v->speed >= VERGE_SPEED_SLOW && vg_finite(v->yaw_rate)) {
+        return v->yaw_rate / v->speed;
+    }
+    const memory* last = &self->last;
+    const double age = (double)(utime - last->utime) * 1e-6 / self->def.point_s;
+    if (!last->valid || !(age >= 0.0 && age <= (double)(self->def.points - 1u))) {
+        return 0.0;
+    }
+    const uint32_t k = (uint32_t)(age + 0.5);
+    for (uint32_t i = 0; i < last->plan_count; ++i) {
+        const double dx = last->x[i][k] - v->x, dy = last->y[i][k] - v->y;
+        if (last->plan_ids[i] == v->id && dx * dx + dy * dy < on_plan * on_plan) {
+            return last->curvature[i][k];
+        }
+    }
+    return 0.0;
+}
+
+static void prepare(verge_planner* self, int64_t utime, uint32_t i, const int32_t* ids, vg_job* job,
                     verge_vehicle_plan* plan)
 {
     const verge_vehicle* vehicle = &self->vehicles[i];
@@ -451,6 +482,7 @@ static void prepare(verge_planner* self, uint32_t i, const int32_t* ids, vg_job*
     job->s = self->placed[i].s;
     job->d = self->placed[i].d;
     job->target = -1;
+    job->curvature = known_curvature(self, vehicle, utime);
     job->track_index = i;
     if (slot >= 0) {
         job->target = self->scene->target[slot];
@@ -475,7 +507,8 @@ static void light(verge_vehicle_plan* plan)
     }
 }
 
-static void plan_all(verge_planner* self, bool decided, uint32_t count, verge_plan* plan)
+static void plan_all(verge_planner* self, int64_t utime, bool decided, uint32_t count,
+                     verge_plan* plan)
 {
     vg_predict_tracks(self->tracks, self->scene, self->root, decided ? self->decision : NULL,
                       self->vehicles, self->placed, count);
@@ -486,7 +519,7 @@ static void plan_all(verge_planner* self, bool decided, uint32_t count, verge_pl
     uint32_t jobs = 0;
     for (uint32_t i = 0; i < count; ++i) {
         if (self->vehicles[i].controlled) {
-            prepare(self, i, ids, &self->jobs[jobs], &plan->vehicles[jobs]);
+            prepare(self, utime, i, ids, &self->jobs[jobs], &plan->vehicles[jobs]);
             ++jobs;
         }
     }
@@ -506,7 +539,8 @@ static void plan_all(verge_planner* self, bool decided, uint32_t count, verge_pl
 
 // ---------------------------------------------------------------------------- after
 
-static void remember(verge_planner* self, int64_t utime, uint32_t count, bool decided)
+static void remember(verge_planner* self, int64_t utime, uint32_t count, bool decided,
+                     const verge_plan* plan)
 {
     memory* last = &self->last;
     last->valid = true;
@@ -517,6 +551,16 @@ static void remember(verge_planner* self, int64_t utime, uint32_t count, bool de
         last->lane_ids[i] = self->vehicles[i].id;
         last->lane_of[i] = self->placed[i].on_road ? self->road->lanes[self->placed[i].lane].id
                                                    : VERGE_NO_LANE;
+    }
+    last->plan_count = plan->vehicle_count;
+    for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
+        const verge_vehicle_plan* vehicle = &plan->vehicles[i];
+        last->plan_ids[i] = vehicle->vehicle_id;
+        for (uint32_t k = 0; k < vehicle->point_count; ++k) {
+            last->x[i][k] = vehicle->points[k].x;
+            last->y[i][k] = vehicle->points[k].y;
+            last->curvature[i][k] = vehicle->points[k].curvature;
+        }
     }
     if (decided) {
         last->count = self->scene->controlled_count;

@@ -27,6 +27,7 @@ typedef struct vg_job {
     uint32_t   lane;        ///< index of the lane the centre is on
     double     s, d;        ///< [m] of the centre on that lane
     int32_t    target;      ///< lane index, -1 none
+    double     curvature;   ///< [1/m] of the centre's path at t = 0, as well as it is known
     uint32_t   track_index; ///< of the vehicle itself in the tracks
     uint32_t   segment_count;
     vg_segment segments[VERGE_STEPS_MAX];

@@ -20,9 +20,8 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
 {
     const verge_vehicle* v = job->vehicle;
     const vg_track* own = &tracks->of[job->track_index];
-    const bool turning = v->speed >= VERGE_SPEED_SLOW && vg_finite(v->yaw_rate);
     const vg_motion centre = { v->x, v->y, v->heading, v->speed, v->acceleration,
-                               turning ? v->yaw_rate / v->speed : 0.0 };
+                               job->curvature };
     ws->start = vg_motion_of_rear(&centre);
     if (ws->start.speed < 1e-3) {
         ws->start.speed = 0.0; // at rest nothing pulls backwards

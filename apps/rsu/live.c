@@ -386,6 +386,191 @@ static void send_messages(live* self)
 static void watch_bus(live* self, int64_t now);
 static void send_status(live* self, int64_t now);
 
+static void tell_refusals(live* self, const transport_stats* bus);
+
+static void on_status_due(live* self);
+static void tell_changes(live* self);
+static uint64_t expirations(int timer_fd);
+
+static void loop(live* self)
+{
+    const int64_t limit = self->options->cycles;
+    for (;;) {
+        struct pollfd ends[] = {
+            { .fd = self->signal_fd, .events = POLLIN },
+            { .fd = worker_fd(self->worker), .events = POLLIN },
+            { .fd = self->cycle_fd, .events = POLLIN },
+            { .fd = self->status_fd, .events = POLLIN },
+            { .fd = transport_fd(self->bus), .events = POLLIN },
+        };
+        if (poll(ends, sizeof ends / sizeof ends[0], STATUS_PERIOD_MS) < 0 && errno != EINTR) {
+            log_event(LOG_ERROR, "poll", "error=%s", strerror(errno));
+        }
+        if (on_signals(self)) {
+            return;
+        }
+        // What a plan is made from is taken in before it is begun, and a plan that is ready goes
+        // out before anything else.
+        on_planned(self);
+        if (limit > 0 && self->cycle_count >= limit && !worker_busy(self->worker)) {
+            return;
+        }
+        on_bus(self);
+        on_tick(self);
+        on_status_due(self);
+        tell_changes(self);
+    }
+}
+
+static uint64_t expirations(int timer_fd)
+{
+    uint64_t count = 0;
+    return read(timer_fd, &count, sizeof count) == (ssize_t)sizeof count ? count : 0;
+}
+
+// ---- taking in ----------------------------------------------------------------------------
+
+static void record_message(live* self, int64_t utime, const transport_message* message);
+
+/// Takes in one batch. Returns how many messages it had.
+static uint32_t take_in(live* self)
+{
+    const uint32_t count = transport_drain(self->bus, self->inbound, DRAIN_BATCH);
+    for (uint32_t i = 0; i < count; i++) {
+        const transport_message* message = &self->inbound[i];
+        if (cycle_offer(&self->cycle, message)) {
+            record_message(self, message->arrival_utime, message);
+        } else {
+            log_event(LOG_DEBUG, "state_refused", "vehicle=%d", message->as.state.vehicle_id);
+        }
+    }
+    return count;
+}
+
+static void on_bus(live* self)
+{
+    take_in(self);
+}
+
+/// A recording that cannot be written ends; planning does not.
+static void record_message(live* self, int64_t utime, const transport_message* message)
+{
+    if (self->record == NULL) {
+        return;
+    }
+    if (transport_record(self->record, utime, message) != 0) {
+        log_event(LOG_ERROR, "record_ended", "reason=write_failed error=\"%s\"", strerror(errno));
+        status_fault(&self->status, RSU_FAULT_RECORD, 0, true);
+        transport_close(self->record);
+        self->record = NULL;
+    }
+}
+
+static void record_mark(live* self, bool overrun)
+{
+    transport_message message;
+    memset(&message, 0, sizeof message);
+    message.kind = TRANSPORT_MARK;
+    message.as.mark.utime = self->cycle.utime;
+    message.as.mark.cycle = self->cycle.number;
+    message.as.mark.overrun = overrun ? 1 : 0;
+    record_message(self, self->cycle.utime, &message);
+}
+
+// ---- a cycle ------------------------------------------------------------------------------
+
+static void install_next(live* self);
+static void send_messages(live* self);
+
+static void plan_job(void* arg)
+{
+    cycle_plan(arg);
+}
+
+static void on_tick(live* self)
+{
+    const uint64_t ticks = expirations(self->cycle_fd);
+    if (ticks == 0) {
+        return;
+    }
+    const bool busy = worker_busy(self->worker);
+    const uint64_t missed = busy ? ticks : ticks - 1;
+    if (missed > 0) {
+        self->status.deadline_misses += missed;
+        status_fault(&self->status, RSU_FAULT_DEADLINE, clock_us(CLOCK_MONOTONIC), false);
+        log_event(LOG_WARNING, "deadline_missed", "cycle=%" PRId64 " cycle_ms=%u total=%" PRIu64,
+                  self->cycle.number, self->config->cycle_ms, self->status.deadline_misses);
+    }
+    if (busy) {
+        self->late = true;
+        return;
+    }
+    if (self->options->cycles > 0 && self->cycle_count >= self->options->cycles) {
+        return;
+    }
+    install_next(self);
+    for (uint32_t round = 0; round < DRAIN_ROUNDS_MAX && take_in(self) == DRAIN_BATCH; round++) {
+    }
+    self->begun = clock_us(CLOCK_MONOTONIC);
+    self->late = false;
+    cycle_begin(&self->cycle, self->cycle_count++, clock_us(CLOCK_REALTIME));
+    record_mark(self, false);
+    worker_start(self->worker, plan_job, &self->cycle);
+}
+
+static void on_planned(live* self)
+{
+    if (!worker_collect(self->worker)) {
+        return;
+    }
+    const cycle_counters before = self->cycle.counters;
+    cycle_end(&self->cycle);
+    send_messages(self);
+    const int64_t now = clock_us(CLOCK_MONOTONIC);
+    timing_add(&self->status.cycle_time, now - self->begun);
+    self->status.heard = self->cycle.view.count > 0;
+    if (self->late) {
+        record_mark(self, true);
+    }
+    const cycle_counters* counters = &self->cycle.counters;
+    if (counters->refused > before.refused) {
+        status_fault(&self->status, RSU_FAULT_PLANNER, now, false);
+        log_event(LOG_ERROR, "planner_refused", "cycle=%" PRId64 " reason=\"%s\"",
+                  self->cycle.number, verge_status_text(self->cycle.status));
+    }
+    log_event(LOG_DEBUG, "cycle",
+              "number=%" PRId64 " vehicles=%u controlled=%u fallbacks=%u us=%u "
+              "digest=%016" PRIx64,
+              self->cycle.number, self->cycle.view.count, self->cycle.view.controlled_count,
+              self->cycle.plan.fallback_count, self->status.cycle_time.last,
+              self->cycle.plan.digest);
+}
+
+/// Broadcasts what the cycle has made, and keeps it in the recording.
+static void send_messages(live* self)
+{
+    for (uint32_t i = 0; i < self->cycle.message_count; i++) {
+        const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
+        transport_publish_plan(self->bus, plan);
+        if (plan->status == VERGE_CANCELLED) {
+            log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
+                      plan->reason);
+        }
+        if (self->record != NULL) {
+            static transport_message message; // large; there is one main thread
+            message.kind = TRANSPORT_PLAN;
+            message.arrival_utime = clock_us(CLOCK_REALTIME);
+            message.as.plan = *plan;
+            record_message(self, message.arrival_utime, &message);
+        }
+    }
+}
+
+// ---- status -------------------------------------------------------------------------------
+
+static void watch_bus(live* self, int64_t now);
+static void send_status(live* self, int64_t now);
+
 static uint64_t refusals_of(const cycle* cycle)
 {
     const inbox_counters* rx = &cycle->inbox.counters;
@@ -408,14 +593,29 @@ static void on_status_due(live* self)
                   self->cycle.def.vehicles_max, self->cycle.def.controlled_max);
     }
     const transport_stats stats = transport_statistics(self->bus);
-    const uint64_t refusals = refusals_of(&self->cycle) + stats.malformed + stats.dropped;
+    tell_refusals(self, &stats);
+    send_status(self, now);
+}
+
+/// One line a second at most, however many states were refused, with what for.
+static void tell_refusals(live* self, const transport_stats* bus)
+{
+    const inbox_counters* rx = &self->cycle.inbox.counters;
+    const uint64_t refusals = rx->rx_stale + rx->rx_future + rx->rx_duplicate +
+                              rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
+                              rx->rx_over_capacity + rx->rx_id_conflict + bus->malformed +
+                              bus->dropped;
     if (refusals > self->refusals) {
         log_event(LOG_WARNING, "states_refused",
-                  "new=%" PRIu64 " total=%" PRIu64 " malformed=%" PRIu64 " dropped=%" PRIu64,
-                  refusals - self->refusals, refusals, stats.malformed, stats.dropped);
-        self->refusals = refusals;
+                  "new=%" PRIu64 " stale=%" PRIu64 " future=%" PRIu64 " duplicate=%" PRIu64
+                  " out_of_order=%" PRIu64 " out_of_range=%" PRIu64 " off_map=%" PRIu64
+                  " over_capacity=%" PRIu64 " id_conflict=%" PRIu64 " malformed=%" PRIu64
+                  " dropped=%" PRIu64,
+                  refusals - self->refusals, rx->rx_stale, rx->rx_future, rx->rx_duplicate,
+                  rx->rx_out_of_order, rx->rx_out_of_range, rx->rx_off_map, rx->rx_over_capacity,
+                  rx->rx_id_conflict, bus->malformed, bus->dropped);
     }
-    send_status(self, now);
+    self->refusals = refusals;
 }
 
 /// Sends the status at once when its state or fault is not what was told last.

@@ -218,10 +218,11 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
         return;
     }
     // Where lanes overlap (a merge, a diverge) it is on its way along: on the lane it was on,
-    // then on the one that continues that lane towards its target.
+    // then on the one that continues that lane towards its target; at first on its target lane.
     const int32_t lane = vehicle->lane_last;
+    const int32_t prefer = lane != VERGE_NO_LANE ? lane : state->target_lane;
     verge_lane_position at =
-        verge_road_project(self->road, state->x, state->y, state->heading, lane);
+        verge_road_project(self->road, state->x, state->y, state->heading, prefer);
     if (lane != VERGE_NO_LANE && at.lane_id != lane) {
         const int32_t next = verge_road_next(self->road, lane, state->target_lane);
         at = verge_road_project(self->road, state->x, state->y, state->heading, next);

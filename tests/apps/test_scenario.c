@@ -138,8 +138,8 @@ static void test_values_are_checked(void** state)
     refused("\"successors\": []", "\"successors\": [44]", "road.lanes[0].successors");
     refused("\"successors\": [] }", "\"successors\": [], \"change_left\": [[9, 3]] }",
             "change_left");
-    refused("1, \"right\": null, \"successors\": [] },\n    { \"id\": 1", "null },\n    { \"id\": 0",
-            ".id: ");
+    refused("1, \"right\": null, \"successors\": [] },\n    { \"id\": 1",
+            "null },\n    { \"id\": 0", ".id: ");
     refused("\"controlled\"", "\"robot\"", "vehicles[0].control: is \"robot\", expected");
     refused("\"speed\": 15.0", "\"speed\": -1.0", "vehicles[0].speed: is -1, expected");
     refused("\"speed\": 15.0", "\"speed\": \"15\"", "vehicles[0].speed: is a string, expected");

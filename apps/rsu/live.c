@@ -108,7 +108,7 @@ static int start(live* self)
     cycle_init(&self->cycle, &def);
     arm(self->cycle_fd, self->config->cycle_ms);
     arm(self->status_fd, STATUS_PERIOD_MS);
-    log_event(LOG_INFO, "READY",
+    log_event(LOG_ALWAYS, "READY",
               "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=%08x "
               "config_crc32=%08x",
               VERGE_VERSION_STRING, self->config->rsu_id, self->config->bus,

@@ -2,7 +2,7 @@
 ///
 /// One loop waits on everything (bus, cycle timer, status timer, planning thread, signals); no
 /// call in it blocks, so each is answered within the length of one short task. Planning itself
-/// runs in a worker thread, see worker.h. After the line `event=ready` nothing here allocates,
+/// runs in a worker thread, see worker.h. After the line `event=READY` nothing here allocates,
 /// except when SIGHUP has the configuration read again.
 #ifndef VERGE_RSU_LIVE_H
 #define VERGE_RSU_LIVE_H

@@ -56,7 +56,8 @@ void log_event(log_level level, const char* event, const char* format, ...)
     }
     char line[LINE_SIZE];
     const size_t room = sizeof line - 1; // the newline always fits
-    size_t size = (size_t)snprintf(line, room, "level=%s event=%s", LEVEL_NAMES[level], event);
+    size_t size = (size_t)snprintf(line, room, "level=%s event=%s",
+                                   LEVEL_NAMES[level == LOG_ALWAYS ? LOG_INFO : level], event);
     if (held_back > 0 && size < room) {
         size += (size_t)snprintf(line + size, room - size, " held_back=%u", held_back);
     }

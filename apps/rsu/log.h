@@ -9,6 +9,7 @@
 #include <stdbool.h>
 
 typedef enum log_level {
+    LOG_ALWAYS = -1, ///< info that no level hides: what other programs wait for
     LOG_ERROR = 0,
     LOG_WARNING = 1,
     LOG_INFO = 2,

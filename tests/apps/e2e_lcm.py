@@ -112,8 +112,8 @@ class Daemon:
 class Bus:
     """The vehicles' side: publishes states, collects plans and statuses."""
 
-    def __init__(self):
-        self.lcm = lcm.LCM(URL)
+    def __init__(self, url=URL):
+        self.lcm = lcm.LCM(url)
         self.plans, self.statuses = [], []
         self.lcm.subscribe("VERGE_PLAN", lambda _, data: self.plans.append(
             (time.time(), verge.vehicle_plan_t.decode(data), data)))
@@ -429,6 +429,24 @@ def sighup_swaps_a_good_configuration_and_keeps_the_old_one_on_error(rig):
         check(8 <= len(cycles) <= 12, f"{len(cycles)} cycles in 2 s, expected 10")
 
 
+def sighup_may_name_another_bus(rig):
+    with Daemon(rig, rig.config(), "--log-level", "error") as rsu:
+        bus = Bus()
+        vehicles = three_and_a_human()
+        bus.drive(vehicles, 0.5)
+        check(len(bus.plans) > 0, "plans here")
+        rig.config(bus="lcm:" + URL.replace("7667", "7669"))
+        rsu.signal(signal.SIGHUP)
+        bus.drive(vehicles, 0.5)
+        bus.plans.clear()
+        bus.drive(vehicles, 0.5)
+        check(bus.plans == [], "no plans here any more")
+        there = Bus(URL.replace("7667", "7669"))
+        there.drive(vehicles, 1.0)
+        check(len(there.plans) >= 20, f"{len(there.plans)} plans there")
+        check(rsu.stop()[1] == 0, "stops")
+
+
 def a_long_planning_step_does_not_delay_stopping(rig):
     slow = dict(iterations=1000000, nodes_max=1000000, steps=16)
     with Daemon(rig, rig.config(cycle_ms=20, planner=slow)) as rsu:
@@ -525,6 +543,7 @@ CASES = [
     a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_speaks,
     hostile_traffic_is_counted_and_costs_nobody_a_plan,
     sighup_swaps_a_good_configuration_and_keeps_the_old_one_on_error,
+    sighup_may_name_another_bus,
     a_long_planning_step_does_not_delay_stopping,
     when_the_bus_comes_back_so_do_plans,
     a_recording_that_cannot_be_written_ends_and_planning_goes_on,

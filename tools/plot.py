@@ -270,8 +270,10 @@ def mark_ticks(track):
 
 
 def draw_vehicle(axes, track, t_end, scale):
-    style = dict(linewidth=2.0, zorder=5) if track.controlled else dict(linewidth=0.9, zorder=3)
-    axes.plot(*track.xy.T, color=track.color, alpha=0.9 if track.controlled else 0.55, solid_capstyle="round", **style)
+    style = dict(linewidth=0.9, zorder=3, alpha=0.55)
+    if track.controlled:
+        style = dict(linewidth=2.0, zorder=5, alpha=0.9)
+    axes.plot(*track.xy.T, color=track.color, solid_capstyle="round", **style)
     for index in mark_ticks(track):
         fade = 0.35 + 0.55 * track.t[index] / max(t_end, 1e-9)
         if not track.controlled:

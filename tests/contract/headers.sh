@@ -20,7 +20,8 @@ for header in core/include/verge/*.h transport/include/verge/*.h; do
         count=$((count + 1))
         printf '#include "%s"\n#include "%s"\nint main(void);\n' "$name" "$name" |
             $language -Wall -Wextra -Wpedantic -Werror -fsyntax-only \
-                -Icore/include -Itransport/include "${generated[@]}" - || { echo "$header: $language" >&2; failed=1; }
+                -Icore/include -Itransport/include "${generated[@]}" - ||
+            { echo "$header: $language" >&2; failed=1; }
     done
 done
 echo "$count compilations of public headers"

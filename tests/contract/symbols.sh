@@ -9,17 +9,20 @@ set -euo pipefail
 archive=$1
 allowed='memcpy memmove memset memcmp'
 
-defined=$(nm --defined-only --extern-only "$archive" 2>/dev/null | awk 'NF == 3 { print $3 }' | sort -u)
+defined=$(nm --defined-only --extern-only "$archive" 2>/dev/null |
+    awk 'NF == 3 { print $3 }' | sort -u)
 undefined=$(nm --undefined-only "$archive" 2>/dev/null | awk 'NF == 2 { print $2 }' | sort -u)
 if [ -z "$defined" ]; then
     echo "no symbols in $archive" >&2
     exit 1
 fi
-foreign=$(comm -23 <(printf '%s\n' $undefined | sort -u) <(printf '%s\n' $defined $allowed | sort -u))
+foreign=$(comm -23 <(printf '%s\n' $undefined | sort -u) \
+    <(printf '%s\n' $defined $allowed | sort -u))
 if [ -n "$foreign" ]; then
     echo "the core needs symbols it must not need:" >&2
     for symbol in $foreign; do
-        where=$(nm -A --undefined-only "$archive" 2>/dev/null | awk -v s="$symbol" '$NF == s { print $1 }' |
+        where=$(nm -A --undefined-only "$archive" 2>/dev/null |
+            awk -v s="$symbol" '$NF == s { print $1 }' |
             sed 's/.*[:]\([^:]*\.o\):.*/\1/' | sort -u | tr '\n' ' ')
         echo "    $symbol    in $where" >&2
     done
@@ -27,7 +30,7 @@ if [ -n "$foreign" ]; then
 fi
 
 # Names of the archive that any program linking it will see: ours carry their prefix.
-alien=$(printf '%s\n' $defined | grep -v -E '^(verge_|vg_)' | grep -v -E '^_ZN.*EigenVerge|^_ZT[VSI].*EigenVerge' || true)
+alien=$(printf '%s\n' $defined | grep -v -E '^(verge_|vg_)|^_Z(N|T[VSI]).*EigenVerge' || true)
 if [ -n "$alien" ]; then
     echo "the core puts names without its prefix into other people's programs:" >&2
     printf '    %s\n' $alien >&2

@@ -23,6 +23,8 @@ static const float joint_air_along = 1.0f;
 static const float joint_air_across = 0.3f;
 // Merging vehicles see each other from this far before their lanes come close. [m]
 static const float merge_sight = 40.0f;
+// Lanes passed in one step, at most: the end of the last one is waited for.
+enum { seams_max = 8 };
 // Beyond all roads: a vehicle that is not there, or not seen. [m]
 static const float nowhere = 1e9f;
 // Nearer by this to the next lane's centre a vehicle is on the next lane. [m]
@@ -47,7 +49,8 @@ static void  lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves*
 static void  human_moves(const vg_scene* scene, const vg_flow* flow, float dt, float* station_to,
                          float* v_to, float* y_to);
 static void  speed_windows(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t block);
-static void  settle(const vg_scene* scene, vg_flow* next, uint32_t slot, uint8_t action);
+static void  settle(const vg_scene* scene, const vg_flow* flow, vg_flow* next, uint32_t slot,
+                    uint8_t action);
 static void  earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot,
                   uint8_t action);
 static bool  areas_conflict(const vg_scene* scene, const vg_flow* flow, const float* station1, uint32_t i,
@@ -429,8 +432,11 @@ static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, fl
         const f4 free_road = lead > splat(0.5f * nowhere);
         const f4 a = idm(scene->def, v, load(&scene->cruise[at]), gap,
                          choose((i4)free_road, v, lead_v));
-        const f4 v1 = most(v + a * splat(dt), splat(0.0f));
-        const f4 way = (v + v1) * splat(0.5f * dt);
+        const f4 wanted = v + a * splat(dt);
+        const f4 v1 = most(wanted, splat(0.0f));
+        // One who stops within the step goes no farther than to the stop.
+        const f4 way = choose(wanted < splat(0.0f), v * v / (splat(-2.0f) * a),
+                              (v + v1) * splat(0.5f * dt));
         const i4 human = load(&scene->self[at]) >= splat((float)scene->controlled_count);
         store(&station_to[at], choose(human, station + way / rate, load(&station_to[at])));
         store(&v_to[at], choose(human, v1, load(&v_to[at])));
@@ -646,8 +652,20 @@ static void choose_moves(const vg_scene* scene, const vg_moves* moves, const uin
     }
 }
 
+// Does the straight way from (x0, y0) to (x1, y1) meet the box |x| < ex, |y| < ey? Exactly: only
+// the box's two axes and the way's own normal could keep them apart.
+INLINE i4 crosses(f4 x0, f4 y0, f4 x1, f4 y1, f4 ex, f4 ey)
+{
+    const f4 dx = x1 - x0, dy = y1 - y0;
+    const i4 along = (least(x0, x1) < ex) & (most(x0, x1) > -ex);
+    const i4 across = (least(y0, y1) < ey) & (most(y0, y1) > -ey);
+    const f4 reach = ex * magnitude(dy) + ey * magnitude(dx);
+    return along & across & (magnitude(x0 * dy - y0 * dx) <= reach);
+}
+
 // Do the ways of four vehicles and vehicle j come too close between the two instants? Relative
-// motion is linear; at three instants of a step no body passes another unseen below 30 m/s.
+// motion is linear. Bodies that have less air than the margin already may go on without contact;
+// bodies in contact may do all but press on.
 INLINE i4 too_close(const vg_scene* scene, const vg_flow* flow, const chosen* to, uint32_t block, uint32_t j)
 {
     const uint32_t at = block * VG_LANES;
@@ -664,18 +682,13 @@ INLINE i4 too_close(const vg_scene* scene, const vg_flow* flow, const chosen* to
     const f4 dy1 = left_by(scene, to->y[j], load(&to->y[at]), j, block);
     const f4 width = load(&scene->half_width[at]) + splat(scene->half_width[j]);
     const f4 ey = width + splat(joint_air_across);
-    const i4 inside0 = (magnitude(ds0) < ex) & (magnitude(dy0) < ey);
-    i4 hit = (magnitude(ds1) < ex) & (magnitude(dy1) < ey);
-    for (uint32_t k = 1; k <= 2; ++k) {
-        const f4 t = splat((float)k / 3.0f);
-        const f4 ds = ds0 + t * (ds1 - ds0);
-        const f4 dy = dy0 + t * (dy1 - dy0);
-        hit |= (magnitude(ds) < ex) & (magnitude(dy) < ey);
-    }
-    // Already inside the margin: only what ends in contact, nearer than before, is a conflict.
-    const i4 contact = (magnitude(ds1) < length) & (magnitude(dy1) < width)
+    const i4 inside = (magnitude(ds0) < ex) & (magnitude(dy0) < ey);
+    const i4 touching = (magnitude(ds0) < length) & (magnitude(dy0) < width);
+    const i4 pressing = (magnitude(ds1) < length) & (magnitude(dy1) < width)
                         & (magnitude(ds1) <= magnitude(ds0)) & (magnitude(dy1) <= magnitude(dy0));
-    hit = (inside0 & contact) | (~inside0 & hit);
+    i4 hit = (touching & pressing)
+             | (~touching & inside & crosses(ds0, dy0, ds1, dy1, length, width))
+             | (~inside & crosses(ds0, dy0, ds1, dy1, ex, ey));
     if (!scene->plain) {
         hit &= load(&to->station[at]) > load(&scene->sight->touch[j][at]);
     }
@@ -754,7 +767,7 @@ void vg_flow_advance(const vg_scene* scene, const vg_flow* flow, const vg_moves*
         next->y[i] = moves->y[across_of[actions[i]]][i];
     }
     for (uint32_t slot = 0; slot < scene->count; ++slot) {
-        settle(scene, next, slot, slot < scene->controlled_count ? actions[slot] : 0);
+        settle(scene, flow, next, slot, slot < scene->controlled_count ? actions[slot] : 0);
     }
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         earn(scene, flow, next, i, actions[i]);
@@ -769,7 +782,7 @@ void vg_flow_follow(const vg_scene* scene, const vg_flow* flow, double dt, vg_fl
     memcpy(next, flow, sizeof *next);
     human_moves(scene, flow, (float)dt, next->station, next->v, next->y);
     for (uint32_t slot = scene->controlled_count; slot < scene->count; ++slot) {
-        settle(scene, next, slot, VERGE_KEEP_SPEED);
+        settle(scene, flow, next, slot, VERGE_KEEP_SPEED);
     }
 }
 
@@ -801,40 +814,52 @@ void vg_flow_neighbours(const vg_scene* scene, const vg_flow* flow, uint32_t slo
     }
 }
 
+// On to the lane that continues this one, or through it to a later one: lanes may be short.
+static void pass_seams(const vg_scene* scene, vg_flow* next, uint32_t slot)
+{
+    const verge_road* road = scene->road;
+    const vg_lane* lane = &road->lanes[next->lane[slot]];
+    const int32_t target = slot < scene->controlled_count ? scene->target[slot] : -1;
+    float beyond = (next->station[slot] - (float)lane->station_end) * next->rate[slot]; // [m]
+    for (uint32_t seams = 0; seams < seams_max && beyond > 0.0f; ++seams) {
+        const uint32_t here = (uint32_t)next->lane[slot];
+        const int32_t on = road->next[here * (road->lane_count + 1u) + (uint32_t)(target + 1)];
+        if (on < 0) {
+            return;
+        }
+        next->lane[slot] = on;
+        next->station[slot] = (float)vg_lane_station(&road->lanes[on], (double)beyond);
+        beyond -= (float)road->lanes[on].length;
+    }
+}
+
 // From (station, y) back to a lane and its d: over the border after a change, over the seam
-// after a lane's end.
-static void settle(const vg_scene* scene, vg_flow* next, uint32_t slot, uint8_t action)
+// after a lane's end. y tells the move within the lane; the lane itself may lead aside.
+static void settle(const vg_scene* scene, const vg_flow* flow, vg_flow* next, uint32_t slot,
+                   uint8_t action)
 {
     const verge_road* road = scene->road;
     const vg_lane* lane = &road->lanes[next->lane[slot]];
     const float station = next->station[slot];
     bin_place place = bin_of(lane, station);
-    float d = next->y[slot] - centre_at(place);
+    next->d[slot] = flow->d[slot] + (next->y[slot] - flow->y[slot]);
     if (action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT) {
         const int32_t beside = action == VERGE_CHANGE_LEFT ? lane->left : lane->right;
         if (beside >= 0) {
             const bin_place there = bin_of(&road->lanes[beside], station);
-            const float other = next->y[slot] - centre_at(there);
+            const float other = next->d[slot] + (centre_at(place) - centre_at(there));
             // Clearly beyond half the way: a partial change that ends on the border has not crossed.
-            if (fabs_of(other) < fabs_of(d) - border_air) {
+            if (fabs_of(other) < fabs_of(next->d[slot]) - border_air) {
                 next->lane[slot] = beside;
+                next->d[slot] = other;
                 lane = &road->lanes[beside];
                 place = there;
-                d = other;
             }
         }
     }
-    next->d[slot] = d;
     if (!scene->plain && station > (float)lane->station_end) {
-        const int32_t target = slot < scene->controlled_count ? scene->target[slot] : -1;
-        const uint32_t here = (uint32_t)next->lane[slot];
-        const int32_t on = road->next[here * (road->lane_count + 1u) + (uint32_t)(target + 1)];
-        if (on >= 0) {
-            const float beyond = (station - (float)lane->station_end) * next->rate[slot];
-            next->lane[slot] = on;
-            next->station[slot] = (float)vg_lane_station(&road->lanes[on], (double)beyond);
-            place = bin_of(&road->lanes[on], next->station[slot]);
-        }
+        pass_seams(scene, next, slot);
+        place = bin_of(&road->lanes[next->lane[slot]], next->station[slot]);
     }
     note_place(next, slot, place);
 }

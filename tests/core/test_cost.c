@@ -81,13 +81,15 @@ static void random_batch(test_rng* rng, scene** out, vg_batch* batch, vg_path* p
     static const double curvatures[] = { 0.0, 1.0 / 125.0, -1.0 / 80.0 };
     scene* w = *out = scene_make(curvatures[test_rng_below(rng, 3)], 0.0);
     const double v = test_rng_between(rng, 5.0, 20.0);
-    vg_job* job = scene_vehicle(w, 1, 40.0, test_rng_between(rng, -0.5, 0.5),
-                                test_rng_between(rng, -0.02, 0.02), v, 0.3, v);
+    const double off = test_rng_between(rng, -0.5, 0.5);
+    const double slant = test_rng_between(rng, -0.02, 0.02);
+    vg_job* job = scene_vehicle(w, 1, 40.0, off, slant, v, 0.3, v);
     job->segments[0].action = VERGE_CHANGE_LEFT;
     job->segments[0].lane = 2;
     for (int i = 0; i < 8; i += 1) {
-        scene_track(w, test_rng_between(rng, 10.0, 90.0), test_rng_between(rng, -1.0, 8.0),
-                    test_rng_between(rng, 0.0, 20.0), test_rng_between(rng, -1.0, 1.0));
+        const double s = test_rng_between(rng, 10.0, 90.0), d = test_rng_between(rng, -1.0, 8.0);
+        const double speed = test_rng_between(rng, 0.0, 20.0);
+        scene_track(w, s, d, speed, test_rng_between(rng, -1.0, 1.0));
     }
     vg_path_build(path, w->road, 2, -1, job->s - 30.0, job->s + 170.0);
     const verge_vehicle* car = job->vehicle;

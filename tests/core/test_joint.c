@@ -58,8 +58,9 @@ static scene* flock(test_rng* rng)
         }
     }
     for (uint32_t i = 0; i < 3; i += 1) {
-        scene_track(w, test_rng_between(rng, 70.0, 100.0), SCENE_WIDTH * test_rng_below(rng, 3),
-                    test_rng_between(rng, 2.0, 12.0), 0.0);
+        const double s = test_rng_between(rng, 70.0, 100.0);
+        const double d = SCENE_WIDTH * test_rng_below(rng, 3);
+        scene_track(w, s, d, test_rng_between(rng, 2.0, 12.0), 0.0);
     }
     return w;
 }

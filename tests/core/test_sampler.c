@@ -31,10 +31,12 @@ static scene* random_scene(test_rng* rng)
     const bool slow = test_rng_below(rng, 3) == 0 || fabs(w->curvature) > 0.01;
     const double v = test_rng_below(rng, 8) == 0 ? 0.0 : test_rng_between(rng, 0.0, slow ? 8.0 : 25.0);
     const uint32_t lane = test_rng_below(rng, 3);
-    vg_job* job = scene_vehicle(w, lane, 30.0, test_rng_between(rng, -0.5, 0.5),
-                                v > 3.0 ? test_rng_between(rng, -0.03, 0.03) : 0.0, v,
-                                v > 1.0 ? test_rng_between(rng, -1.0, 1.0) : 0.0,
-                                fmax(0.0, v + test_rng_between(rng, -1.0, 1.0)));
+    // One draw a statement: compilers evaluate arguments in different orders.
+    const double off = test_rng_between(rng, -0.5, 0.5);
+    const double slant = v > 3.0 ? test_rng_between(rng, -0.03, 0.03) : 0.0;
+    const double a = v > 1.0 ? test_rng_between(rng, -1.0, 1.0) : 0.0;
+    const double goal = fmax(0.0, v + test_rng_between(rng, -1.0, 1.0));
+    vg_job* job = scene_vehicle(w, lane, 30.0, off, slant, v, a, goal);
     w->def.alert_continuous = test_rng_below(rng, 2);
     if (test_rng_below(rng, 2) == 0) { // a change, at once or after a while
         const bool left = lane == 0 || (lane == 1 && test_rng_below(rng, 2) == 0);
@@ -50,9 +52,10 @@ static scene* random_scene(test_rng* rng)
     for (uint32_t i = 0; i < others; i += 1) {
         const double s = test_rng_between(rng, 0.0, 80.0);
         const double d = test_rng_between(rng, -1.0, 8.0);
+        const double other_v = fmax(0.0, v + test_rng_between(rng, -5.0, 5.0));
+        const double drift = test_rng_between(rng, -0.5, 0.5);
         if (fabs(s - 30.0) > 6.0 || fabs(d - SCENE_WIDTH * lane) > 3.2) {
-            scene_track(w, s, d, fmax(0.0, v + test_rng_between(rng, -5.0, 5.0)),
-                        test_rng_between(rng, -0.5, 0.5));
+            scene_track(w, s, d, other_v, drift);
         }
     }
     return w;

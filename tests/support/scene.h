@@ -138,7 +138,8 @@ static inline vg_job* scene_vehicle(scene* w, uint32_t lane, double s, double d,
     v->yaw_rate = speed * w->curvature / (1.0 - w->curvature * at);
     vg_job* job = &w->jobs[i];
     *job = (vg_job){ .def = &w->def, .road = w->road, .vehicle = v, .on_road = true,
-                     .lane = lane, .d = d, .target = -1 };
+                     .lane = lane, .d = d, .target = -1,
+                     .curvature = speed >= VERGE_SPEED_SLOW ? v->yaw_rate / speed : 0.0 };
     job->s = vg_lane_project(&w->road->lanes[lane], v->x, v->y, NAN);
     job->track_index = scene_track(w, s, at, speed, 0.0);
     w->tracks.of[job->track_index].controlled = true;

@@ -5,6 +5,8 @@
 #include <assert.h>
 #include <string.h>
 
+static void forget_states(cycle* self);
+
 void cycle_init(cycle* self, const cycle_def* def)
 {
     memset(self, 0, sizeof *self);
@@ -16,16 +18,23 @@ void cycle_init(cycle* self, const cycle_def* def)
 
 void cycle_swap(cycle* self, const cycle_def* def)
 {
-    if (def->vehicles_max < self->inbox.vehicles_max) {
-        // The slots in use may be more than there is room for now: hear everyone anew.
-        const inbox_counters counters = self->inbox.counters;
-        inbox_init(&self->inbox, &def->limits, def->vehicles_max, def->controlled_max);
-        self->inbox.counters = counters;
+    const bool smaller = def->vehicles_max < self->def.vehicles_max;
+    self->def = *def;
+    if (smaller) { // the slots in use may be more than there is room for now
+        forget_states(self);
     }
     inbox_set_limits(&self->inbox, &def->limits);
     self->inbox.vehicles_max = def->vehicles_max;
     self->inbox.controlled_max = def->controlled_max;
-    self->def = *def;
+}
+
+/// Everyone is heard anew; what was counted stays counted.
+static void forget_states(cycle* self)
+{
+    const cycle_def* def = &self->def;
+    const inbox_counters counters = self->inbox.counters;
+    inbox_init(&self->inbox, &def->limits, def->vehicles_max, def->controlled_max);
+    self->inbox.counters = counters;
 }
 
 bool cycle_offer(cycle* self, const transport_message* message)
@@ -47,12 +56,13 @@ void cycle_run(cycle* self, int64_t number, int64_t utime)
 
 // ---- begin --------------------------------------------------------------------------------
 
+static void start_afresh(cycle* self);
 static void leave_out(inbox_view* view, uint32_t index);
 
 void cycle_begin(cycle* self, int64_t number, int64_t utime)
 {
     if (utime <= self->utime) {
-        verge_planner_reset(self->def.planner); // its last plan lies in what is now the future
+        start_afresh(self);
     }
     self->number = number;
     self->utime = utime;
@@ -67,6 +77,14 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
             leave_out(&self->view, i);
         }
     }
+}
+
+/// The clock has stepped back: the planner's last plan and the states held lie in what is now the
+/// future. Whoever is there is heard again within a tenth of a second.
+static void start_afresh(cycle* self)
+{
+    verge_planner_reset(self->def.planner);
+    forget_states(self);
 }
 
 /// The others keep their order.

@@ -71,7 +71,7 @@ void cycle_swap(cycle* self, const cycle_def* def);
 bool cycle_offer(cycle* self, const transport_message* message);
 
 /// Fixes the cycle's number and instant and who takes part. utime need not grow: after a step
-/// back of the clock the planner starts afresh.
+/// back of the clock all states and the last plan are forgotten.
 void cycle_begin(cycle* self, int64_t number, int64_t utime);
 /// Plans for those who take part. The long part of a cycle.
 void cycle_plan(cycle* self);

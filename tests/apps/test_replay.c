@@ -163,6 +163,22 @@ static void test_threads_do_not_change_a_digest(void** state)
     config_free(three);
 }
 
+static void test_a_state_that_arrives_at_a_cycle_belongs_to_it(void** state)
+{
+    (void)state;
+    config* config = config_with(1);
+    transport* log = log_open("edge.log");
+    log_state(log, 0, EPOCH + PERIOD_US - 5000, EPOCH + PERIOD_US);
+    log_state(log, 1, EPOCH + PERIOD_US - 5000, EPOCH + PERIOD_US + 1);
+    transport_close(log);
+    const outcome* result = replay(config, "edge.log", NULL);
+    assert_int_equal(result->count, 2);
+    assert_true(result->lines[0].utime == EPOCH + PERIOD_US);
+    assert_int_equal(result->lines[0].vehicles, 1);
+    assert_int_equal(result->lines[1].vehicles, 2);
+    config_free(config);
+}
+
 static void test_a_long_silence_is_left_out(void** state)
 {
     (void)state;
@@ -275,7 +291,8 @@ static int remove_folder(void** state)
 {
     (void)state;
     static const char* const NAMES[] = { "rsu.json",  "foreign.log", "gap.log",  "marked.log",
-                                         "same.log",  "digest.log",  "lost.log", "cut.log" };
+                                         "same.log",  "digest.log",  "lost.log", "cut.log",
+                                         "edge.log" };
     for (unsigned i = 0; i < sizeof NAMES / sizeof NAMES[0]; i++) {
         remove(path_of(NAMES[i]));
     }
@@ -287,6 +304,7 @@ int main(void)
     const struct CMUnitTest tests[] = { // in this order: later ones read what earlier ones wrote
         cmocka_unit_test(test_a_foreign_log_is_planned_at_multiples_of_the_cycle),
         cmocka_unit_test(test_threads_do_not_change_a_digest),
+        cmocka_unit_test(test_a_state_that_arrives_at_a_cycle_belongs_to_it),
         cmocka_unit_test(test_a_long_silence_is_left_out),
         cmocka_unit_test(test_a_recorded_replay_replays_to_the_same_digests),
         cmocka_unit_test(test_the_first_cycle_that_differs_is_named),

@@ -84,8 +84,10 @@ static double turn_of(const vg_track* track, uint32_t k)
 static vg_rectangle body_between(const vg_track* track, uint32_t k, double share)
 {
     const uint32_t j = k > 0 ? k - 1 : 0;
-    const double c = track->cos_heading[j] + share * (track->cos_heading[k] - track->cos_heading[j]);
-    const double s = track->sin_heading[j] + share * (track->sin_heading[k] - track->sin_heading[j]);
+    const double* cosine = track->cos_heading;
+    const double* sine = track->sin_heading;
+    const double c = cosine[j] + share * (cosine[k] - cosine[j]);
+    const double s = sine[j] + share * (sine[k] - sine[j]);
     const double norm = 1.0 / vg_max(vg_sqrt(c * c + s * s), 1e-9);
     return (vg_rectangle){ track->x[j] + share * (track->x[k] - track->x[j]),
                            track->y[j] + share * (track->y[k] - track->y[j]), c * norm, s * norm,

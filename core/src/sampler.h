@@ -42,12 +42,14 @@ size_t vg_workspace_size(void);
 /// fallbacks do. Fills points, point_count, cost, status and reason of plans[job]. tracks of the
 /// planned vehicles are overwritten with their final trajectories.
 /// Returns the number of candidate trajectories evaluated.
-uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs, uint32_t job_count,
-                             vg_tracks* tracks, verge_vehicle_plan* plans, uint32_t* replanned_count);
+uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs,
+                             uint32_t job_count, vg_tracks* tracks, verge_vehicle_plan* plans,
+                             uint32_t* replanned_count);
 
 /// Evaluates `count` candidates of one segment in full, without choosing: for the benchmark.
 /// Returns a checksum so that nothing is optimised away.
-double vg_sampler_bench(vg_workspace* workspace, const vg_job* job, const vg_tracks* tracks, uint32_t count);
+double vg_sampler_bench(vg_workspace* workspace, const vg_job* job, const vg_tracks* tracks,
+                        uint32_t count);
 
 #ifdef __cplusplus
 }

@@ -1,5 +1,5 @@
 /// What planning one vehicle's trajectory needs besides its job: static sizes only, about
-/// 130 KiB. One per job, so jobs may run on any threads.
+/// 90 KiB. One per job, so jobs may run on any threads.
 #ifndef VG_WORKSPACE_H
 #define VG_WORKSPACE_H
 

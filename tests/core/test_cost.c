@@ -173,10 +173,12 @@ static void test_jerk_and_curvature_rate_are_derivatives(void** state)
         for (double t = 0.1; t < 2.9; t += 0.31) {
             const vg_row rows[3] = { vg_leg_row(leg, t - h), vg_leg_row(leg, t),
                                      vg_leg_row(leg, t + h) };
-            const vg_rear before = vg_rear_of(&rows[0], offset), at = vg_rear_of(&rows[1], offset);
+            const vg_rear before = vg_rear_of(&rows[0], offset);
+            const vg_rear at = vg_rear_of(&rows[1], offset);
             const vg_rear after = vg_rear_of(&rows[2], offset);
             if (floor((rows[0].s - path.start) / path.knot_spacing)
-                == floor((rows[2].s - path.start) / path.knot_spacing)) { // inside one piece of the line
+                == floor((rows[2].s - path.start) / path.knot_spacing)) {
+                // Inside one piece of the line.
                 CHECK_NEAR((after.curvature - before.curvature) / (2 * h), at.curvature_t,
                            1e-4 + 2e-3 * fabs(at.curvature_t));
                 // In bends the line's second curvature rate is taken as zero.

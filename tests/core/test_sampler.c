@@ -29,7 +29,8 @@ static scene* random_scene(test_rng* rng)
     static const double curvatures[] = { 0.0, 1.0 / 125.0, -1.0 / 60.0, 1.0 / 30.0 };
     scene* w = scene_make(curvatures[test_rng_below(rng, 4)], 0.0);
     const bool slow = test_rng_below(rng, 3) == 0 || fabs(w->curvature) > 0.01;
-    const double v = test_rng_below(rng, 8) == 0 ? 0.0 : test_rng_between(rng, 0.0, slow ? 8.0 : 25.0);
+    const double top = slow ? 8.0 : 25.0;
+    const double v = test_rng_below(rng, 8) == 0 ? 0.0 : test_rng_between(rng, 0.0, top);
     const uint32_t lane = test_rng_below(rng, 3);
     // One draw a statement: compilers evaluate arguments in different orders.
     const double off = test_rng_between(rng, -0.5, 0.5);

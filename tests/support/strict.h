@@ -25,6 +25,14 @@ static inline strict_rear strict_rear_of(const verge_point* p, double k_rate)
                           (p->acceleration - v * k * k_rate * b * b / m) / m, k };
 }
 
+/// Acceleration in the plane: along the heading and towards the centre of the bend.
+static inline void strict_pull(const strict_rear* r, double out[2])
+{
+    const double across = r->v * r->v * r->k;
+    out[0] = r->a * cos(r->heading) - across * sin(r->heading);
+    out[1] = r->a * sin(r->heading) + across * cos(r->heading);
+}
+
 /// One axis of a quintic Hermite curve at u in [0, 1] of a step h: position, velocity,
 /// acceleration.
 static inline void strict_hermite(double h, double u, double p0, double v0, double a0, double p1,
@@ -57,12 +65,13 @@ static inline const char* strict_motion_fault(const verge_vehicle_plan* plan, do
         }
         // Inverse dynamics over the step: position, speed and heading must follow from rates.
         const double dx = r1.x - r0.x, dy = r1.y - r0.y;
+        double a0[2], a1[2]; // accelerations in the plane
+        strict_pull(&r0, a0);
+        strict_pull(&r1, a1);
         const double ex = 0.5 * h * (r0.v * cos(r0.heading) + r1.v * cos(r1.heading))
-                        + h * h / 12.0 * ((r0.a * cos(r0.heading) - r0.v * r0.v * r0.k * sin(r0.heading))
-                                        - (r1.a * cos(r1.heading) - r1.v * r1.v * r1.k * sin(r1.heading)));
+                        + h * h / 12.0 * (a0[0] - a1[0]);
         const double ey = 0.5 * h * (r0.v * sin(r0.heading) + r1.v * sin(r1.heading))
-                        + h * h / 12.0 * ((r0.a * sin(r0.heading) + r0.v * r0.v * r0.k * cos(r0.heading))
-                                        - (r1.a * sin(r1.heading) + r1.v * r1.v * r1.k * cos(r1.heading)));
+                        + h * h / 12.0 * (a0[1] - a1[1]);
         if (!(hypot(dx - ex, dy - ey) < 2e-3)) {
             return "position does not follow from speed and heading";
         }
@@ -75,14 +84,10 @@ static inline const char* strict_motion_fault(const verge_vehicle_plan* plan, do
         }
         for (int j = 0; j <= 10; j += 1) {
             double x[3], y[3];
-            strict_hermite(h, j / 10.0, r0.x, r0.v * cos(r0.heading),
-                           r0.a * cos(r0.heading) - r0.v * r0.v * r0.k * sin(r0.heading), r1.x,
-                           r1.v * cos(r1.heading),
-                           r1.a * cos(r1.heading) - r1.v * r1.v * r1.k * sin(r1.heading), x);
-            strict_hermite(h, j / 10.0, r0.y, r0.v * sin(r0.heading),
-                           r0.a * sin(r0.heading) + r0.v * r0.v * r0.k * cos(r0.heading), r1.y,
-                           r1.v * sin(r1.heading),
-                           r1.a * sin(r1.heading) + r1.v * r1.v * r1.k * cos(r1.heading), y);
+            strict_hermite(h, j / 10.0, r0.x, r0.v * cos(r0.heading), a0[0], r1.x,
+                           r1.v * cos(r1.heading), a1[0], x);
+            strict_hermite(h, j / 10.0, r0.y, r0.v * sin(r0.heading), a0[1], r1.y,
+                           r1.v * sin(r1.heading), a1[1], y);
             const double v = hypot(x[1], y[1]);
             const double a_squared = x[2] * x[2] + y[2] * y[2];
             if (a_squared > 11.5 * 11.5 * 1.02) {

@@ -239,16 +239,20 @@ static double line_project(const line* self, double x, double y, double s_guess)
     const uint32_t knot = s_guess == s_guess ? line_walk_to_nearest(self, x, y, s_guess)
                                              : line_nearest_knot(self, x, y);
     const uint32_t last = self->knot_count - 1;
-    const double s = self->start + self->knot_spacing * (double)knot;
-    if (knot == 0 || knot == last) {
-        const vg_reference at = line_at(self, s);
-        const double ahead = (x - at.x) * at.cos_heading + (y - at.y) * at.sin_heading;
-        if (knot == 0 ? ahead <= 0.0 : ahead >= 0.0) {
-            return s + ahead;
+    const uint32_t first = knot == 0 ? 0 : knot - 1;
+    const uint32_t second = knot == last ? last : knot + 1;
+    const double low = self->start + self->knot_spacing * (double)first;
+    const double high = self->start + self->knot_spacing * (double)second;
+    for (int end = 0; end < 2; ++end) { // beyond an end the line is straight
+        const double s = end == 0 ? low : high;
+        if (end == 0 ? first == 0 : second == last) {
+            const vg_reference at = line_at(self, s);
+            const double ahead = (x - at.x) * at.cos_heading + (y - at.y) * at.sin_heading;
+            if (end == 0 ? ahead <= 0.0 : ahead >= 0.0) {
+                return s + ahead;
+            }
         }
     }
-    const double low = knot == 0 ? s : s - self->knot_spacing;
-    const double high = knot == last ? s : s + self->knot_spacing;
     return line_refine(self, x, y, low, high);
 }
 

@@ -31,6 +31,16 @@ verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault
         fault->text = "more lanes than the capacity of 64 (VERGE_LANES_MAX)";
         return VERGE_ERR_ROAD;
     }
+    for (uint32_t i = 0; i < def->lane_count; ++i) { // first the names, or references mean nothing
+        const bool named = def->lanes[i].id >= 0;
+        if (!named || find(def, def->lanes[i].id) != &def->lanes[i]) {
+            fault->lane_index = i;
+            fault->field = "id";
+            fault->text = named ? "an earlier lane has the same id; ids are unique"
+                                : "a lane id is 0 or more";
+            return VERGE_ERR_ROAD;
+        }
+    }
     for (uint32_t i = 0; i < def->lane_count; ++i) {
         const char* field = NULL;
         const char* text = check_lane(def, i, &field);
@@ -45,13 +55,6 @@ verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault
 static const char* check_lane(const verge_road_def* def, uint32_t index, const char** field)
 {
     const verge_lane_def* lane = &def->lanes[index];
-    *field = "id";
-    if (lane->id < 0) {
-        return "a lane id is 0 or more";
-    }
-    if (find(def, lane->id) != lane) {
-        return "an earlier lane has the same id; ids are unique";
-    }
     *field = "centerline";
     const char* text = check_centerline(lane);
     if (text != NULL) {

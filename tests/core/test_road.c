@@ -1,0 +1,696 @@
+/// Goal: from any survey a road with smooth lines near it, on which positions, neighbours,
+/// followers, routes and conflicts are found.
+/// Method: random roads for what must hold of all; small roads drawn by hand for relations;
+/// hostile surveys for what must never happen.
+#include "check.h"
+#include "frenet.h"
+#include "rng.h"
+#include "road_build.h"
+#include "scalar.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum { LANES = 16, POINTS = VERGE_LANE_POINTS_MAX };
+
+/// A road under construction, and the road.
+typedef struct world {
+    uint32_t count;
+    verge_lane_def lanes[LANES];
+    double points[LANES][POINTS][2];
+    void *memory, *scratch_memory;
+    struct verge_road* road;
+} world;
+
+static world* world_new(void)
+{
+    return calloc(1, sizeof(world));
+}
+
+static verge_lane_def* add_lane(world* w, int32_t left, int32_t right)
+{
+    verge_lane_def* lane = &w->lanes[w->count];
+    lane->id = (int32_t)w->count;
+    lane->points = (const double(*)[2])w->points[w->count++];
+    lane->width = 3.5;
+    lane->speed_limit = 20.0;
+    lane->left = left;
+    lane->right = right;
+    return lane;
+}
+
+static void add_point(world* w, double x, double y)
+{
+    verge_lane_def* lane = &w->lanes[w->count - 1];
+    w->points[w->count - 1][lane->point_count][0] = x;
+    w->points[w->count - 1][lane->point_count++][1] = y;
+}
+
+static void add_straight(world* w, double x0, double y0, double x1, double y1)
+{
+    add_point(w, x0, y0);
+    add_point(w, x1, y1);
+}
+
+static void add_arc(world* w, double radius, double from, double to, int pieces)
+{
+    for (int i = 0; i <= pieces; ++i) {
+        const double a = from + (to - from) * i / pieces;
+        add_point(w, radius * cos(a), radius * sin(a));
+    }
+}
+
+static void leads_to(world* w, uint32_t lane, int32_t next)
+{
+    w->lanes[lane].successors[w->lanes[lane].successor_count++] = next;
+}
+
+static struct verge_road* build(world* w)
+{
+    const verge_road_def def = { .lanes = w->lanes, .lane_count = w->count };
+    verge_road_fault fault;
+    if (verge_road_check(&def, &fault) != VERGE_OK) {
+        fail_msg("lane %u, %s: %s", fault.lane_index, fault.field, fault.text);
+    }
+    vg_arena measure, arena, scratch;
+    vg_arena_init(&measure, NULL, 0);
+    assert_null(vg_road_build(&measure, NULL, &def));
+    const size_t scratch_size = vg_road_scratch_size(&def);
+    w->memory = aligned_alloc(64, measure.used);
+    w->scratch_memory = aligned_alloc(64, (scratch_size + 63) / 64 * 64);
+    vg_arena_init(&arena, w->memory, measure.used);
+    vg_arena_init(&scratch, w->scratch_memory, scratch_size);
+    w->road = vg_road_build(&arena, &scratch, &def);
+    assert_non_null(w->road);
+    assert_int_equal(arena.used, measure.used); // what was measured is what was used
+    return w->road;
+}
+
+static void world_free(world* w)
+{
+    free(w->memory);
+    free(w->scratch_memory);
+    free(w);
+}
+
+static const vg_relation* relation(const world* w, uint32_t a, uint32_t b)
+{
+    return &w->road->relations[a * w->road->lane_count + b];
+}
+
+/// A winding lane: headings by a random walk, points 3 to 25 m apart, radius above 25 m.
+static void add_random_lane(world* w, test_rng* rng, double length)
+{
+    double x = test_rng_between(rng, -300.0, 300.0), y = test_rng_between(rng, -300.0, 300.0);
+    double heading = test_rng_between(rng, -3.1, 3.1), curvature = 0.0;
+    add_lane(w, VERGE_NO_LANE, VERGE_NO_LANE);
+    add_point(w, x, y);
+    const double spacing = test_rng_between(rng, 3.0, 10.0);
+    for (double s = 0.0; s < length; s += spacing) {
+        curvature = vg_clamp(curvature + test_rng_between(rng, -0.01, 0.01), -0.04, 0.04);
+        for (int i = 0; i < 20; ++i) {
+            heading += curvature * spacing / 20.0;
+            x += cos(heading) * spacing / 20.0;
+            y += sin(heading) * spacing / 20.0;
+        }
+        add_point(w, x, y);
+    }
+}
+
+// ------------------------------------------------------------------------------ lines
+
+static void test_lines_are_smooth_near_their_survey_and_measured_by_arc(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("random lines");
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
+        world* w = world_new();
+        add_random_lane(w, &rng, test_rng_between(&rng, 20.0, 500.0));
+        const vg_lane* lane = &build(w)->lanes[0];
+        for (uint32_t i = 0; i < w->lanes[0].point_count; ++i) {
+            const double *p = w->points[0][i], s = vg_lane_project(lane, p[0], p[1], NAN);
+            const vg_reference at = vg_lane_at(lane, vg_clamp(s, 0.0, lane->length));
+            CHECK_AT_MOST(hypot(at.x - p[0], at.y - p[1]), 0.32);
+        }
+        const double e = 1e-5;
+        for (double s = e; s < lane->length - e; s += 0.37) {
+            const vg_reference a = vg_lane_at(lane, s - e), b = vg_lane_at(lane, s + e);
+            const vg_reference at = vg_lane_at(lane, s);
+            CHECK_NEAR(hypot(b.x - a.x, b.y - a.y) / (2.0 * e), 1.0, 1e-4);
+            CHECK_NEAR((b.x - a.x) / (2.0 * e), at.cos_heading, 1e-4);
+            CHECK_NEAR((a.cos_heading * b.sin_heading - a.sin_heading * b.cos_heading) / (2.0 * e),
+                       at.curvature, 1e-4);
+            CHECK_NEAR(b.curvature - a.curvature, 0.0, 1e-5); // C2
+            // The survey's own is at most 0.04; an end that nothing continues has no second side.
+            const bool inside = s > 12.0 && s < lane->length - 12.0;
+            CHECK_AT_MOST(fabs(at.curvature), inside ? 0.06 : 0.12);
+        }
+        world_free(w);
+    }
+}
+
+static void test_a_straight_lane_is_exactly_straight(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, 3.5, 400.0, 3.5);
+    add_lane(w, -1, -1);
+    add_straight(w, 10.0, 20.0, 310.0, 420.0); // 3, 4, 5
+    build(w);
+    for (double s = -20.0; s < 420.0; s += 1.3) {
+        double x, y, heading;
+        verge_road_at(w->road, 0, s, 1.0, &x, &y, &heading);
+        CHECK_SAME_BITS(heading, 0.0);
+        CHECK_SAME_BITS(y, 4.5);
+        CHECK_NEAR(x, s, 1e-9);
+        verge_road_at(w->road, 1, s, 0.0, &x, &y, &heading);
+        CHECK_NEAR(heading, atan2(4.0, 3.0), 1e-12);
+        CHECK_NEAR(x, 10.0 + 0.6 * s, 1e-9);
+    }
+    CHECK_NEAR(verge_road_length(w->road, 1), 500.0, 1e-9);
+    world_free(w);
+}
+
+static void test_noise_of_a_survey_is_not_followed(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("noise");
+    for (uint32_t round = 0; round < test_rounds(20); ++round) {
+        world* w = world_new();
+        add_lane(w, -1, -1);
+        for (int i = 0; i <= 66; ++i) { // a decimetre to each side, as recorded maps have it
+            add_point(w, 6.0 * i, test_rng_between(&rng, -0.1, 0.1));
+        }
+        const vg_lane* lane = &build(w)->lanes[0];
+        for (double s = 0.0; s < lane->length; s += 0.5) {
+            CHECK_AT_MOST(fabs(vg_lane_at(lane, s).curvature), 0.002);
+        }
+        world_free(w);
+    }
+}
+
+static void test_a_coarse_circle_is_a_circle(void** state)
+{
+    (void)state;
+    for (int pieces = 6; pieces <= 24; pieces += 6) {
+        world* w = world_new();
+        add_lane(w, -1, -1);
+        add_arc(w, 8.0, 0.0, 2.0 * VG_PI, pieces);
+        leads_to(w, 0, 0); // a ring of one lane
+        const vg_lane* lane = &build(w)->lanes[0];
+        CHECK_NEAR(lane->length, 16.0 * VG_PI, 0.6);
+        for (double s = 0.0; s < lane->length; s += 0.5) {
+            const vg_reference at = vg_lane_at(lane, s);
+            CHECK_NEAR(hypot(at.x, at.y), 8.0, 0.1);
+            CHECK_NEAR(at.curvature, 0.125, 0.006);
+        }
+        CHECK_NEAR(relation(w, 0, 0)->period, lane->length, 0.01);
+        world_free(w);
+    }
+}
+
+static void test_seams_of_one_to_one_lanes_do_not_show(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("seams");
+    for (uint32_t round = 0; round < test_rounds(20); ++round) {
+        world* w = world_new();
+        add_random_lane(w, &rng, 300.0);
+        const uint32_t n = w->lanes[0].point_count, cut = n / 3 + test_rng_below(&rng, n / 3);
+        add_lane(w, -1, -1); // the second lane takes the rest of the first one's points
+        for (uint32_t i = cut; i < n; ++i) {
+            add_point(w, w->points[0][i][0], w->points[0][i][1]);
+        }
+        w->lanes[0].point_count = cut + 1;
+        leads_to(w, 0, 1);
+        build(w);
+        const vg_lane *first = &w->road->lanes[0], *second = &w->road->lanes[1];
+        const vg_reference a = vg_lane_at(first, first->length), b = vg_lane_at(second, 0.0);
+        CHECK_NEAR(a.x, b.x, 1e-9);
+        CHECK_NEAR(a.y, b.y, 1e-9);
+        CHECK_NEAR(a.sin_heading * b.cos_heading - a.cos_heading * b.sin_heading, 0.0, 1e-9);
+        CHECK_NEAR(a.curvature, b.curvature, 1e-9);
+        world_free(w);
+    }
+}
+
+// ------------------------------------------------------------------------------ projection
+
+static void test_projection_undoes_position(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("projection");
+    for (uint32_t round = 0; round < test_rounds(30); ++round) {
+        world* w = world_new();
+        add_random_lane(w, &rng, 150.0);
+        const vg_lane* lane = &build(w)->lanes[0];
+        double sharpest = 0.01;
+        for (double s = 0.0; s < lane->length; s += 0.1) {
+            sharpest = fmax(sharpest, fabs(vg_lane_at(lane, s).curvature));
+        }
+        const double reach = fmin(0.7 / sharpest, 12.0);
+        for (int i = 0; i < 200; ++i) {
+            const double s = test_rng_between(&rng, -10.0, lane->length + 10.0);
+            const double d = test_rng_between(&rng, -reach, reach);
+            const vg_reference at = vg_lane_at(lane, s);
+            const double x = at.x - d * at.sin_heading, y = at.y + d * at.cos_heading;
+            CHECK_NEAR(vg_lane_project(lane, x, y, s + test_rng_between(&rng, -3.0, 3.0)), s, 1e-6);
+            const verge_lane_position found = verge_road_project_on(w->road, 0, x, y);
+            const vg_reference there = vg_lane_at(lane, found.s); // a loop may pass nearer by
+            assert_true(fabs(found.d) <= fabs(d) + 1e-6 || found.s < 0.0
+                        || found.s > lane->length);
+            CHECK_NEAR(there.x - found.d * there.sin_heading, x, 1e-6);
+            CHECK_NEAR(there.y + found.d * there.cos_heading, y, 1e-6);
+        }
+        world_free(w);
+    }
+}
+
+static void test_a_body_is_on_the_lane_that_fits_its_heading(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, -1, -1);
+    add_straight(w, -100.0, 0.0, 100.0, 0.0);
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, -100.0, 0.0, 100.0);
+    build(w);
+    assert_int_equal(verge_road_project(w->road, 0.5, 0.5, 0.1, VERGE_NO_LANE).lane_id, 0);
+    assert_int_equal(verge_road_project(w->road, 0.5, 0.5, 1.4, VERGE_NO_LANE).lane_id, 1);
+    assert_int_equal(verge_road_project(w->road, 0.5, 0.5, 1.4, 0).lane_id, 0);
+    const verge_lane_position edge = verge_road_project(w->road, 50.0, 3.0, 0.0, VERGE_NO_LANE);
+    assert_int_equal(edge.lane_id, 0); // 1.25 m beside the edge
+    assert_false(edge.contained);
+    assert_int_equal(verge_road_project(w->road, 50.0, 4.0, 0.0, 0).lane_id, VERGE_NO_LANE);
+    assert_int_equal(verge_road_project(w->road, NAN, 4.0, 0.0, 0).lane_id, VERGE_NO_LANE);
+    world_free(w);
+}
+
+// ------------------------------------------------------------------------------ the graph
+
+static void test_neighbours_share_stations_and_know_their_gaps(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, 1, -1);
+    add_straight(w, 0.0, 0.0, 400.0, 0.0);
+    verge_lane_def* left = add_lane(w, -1, 0); // an acceleration lane, beside from 100 to 300 m
+    add_straight(w, 100.0, 3.5, 300.0, 3.5);
+    left->change_right_given = true;
+    left->change_right_count = 1;
+    left->change_right[0] = (verge_stretch){ 50.0, 120.0 };
+    build(w);
+    const vg_lane *main = &w->road->lanes[0], *side = &w->road->lanes[1];
+    assert_int_equal(main->bundle, side->bundle);
+    CHECK_NEAR(vg_lane_station(main, 130.0), vg_lane_station(side, 30.0), 1e-3);
+    CHECK_NEAR(vg_lane_s(side, vg_lane_station(side, 77.0)), 77.0, 1e-3);
+    CHECK_NEAR(side->bins[3].lateral - main->bins[28].lateral, 3.5, 1e-3);
+    for (uint32_t i = 0; i < main->bin_count; ++i) {
+        const double s = (double)main->bins[i].s;
+        const bool beside = s >= 100.0 - 1e-3 && s <= 300.0 + 1e-3;
+        CHECK_NEAR(main->bins[i].left_gap, beside ? 3.5 : 0.0, 1e-3);
+        CHECK_NEAR(main->bins[i].right_gap, 0.0, 0.0);
+    }
+    for (uint32_t i = 0; i < side->bin_count; ++i) {
+        const double s = (double)side->bins[i].s;
+        CHECK_NEAR(side->bins[i].right_gap, s >= 50.0 && s <= 120.0 ? 3.5 : 0.0, 1e-3);
+    }
+    assert_true(side->dead_end);
+    assert_false(main->dead_end);
+    assert_int_equal(w->road->move[1 * 2 + 0], -1);
+    assert_int_equal(w->road->changes[1 * 2 + 0], 1);
+    assert_int_equal(relation(w, 0, 1)->kind, VG_SAME_BUNDLE);
+    assert_int_equal(w->road->conflict_count, 0);
+    world_free(w);
+}
+
+static void test_concentric_lanes_are_side_by_side_at_equal_stations(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, 1, -1);
+    add_arc(w, 53.5, 0.0, 3.0, 40);
+    add_lane(w, -1, 0);
+    add_arc(w, 50.0, 0.0, 3.0, 40);
+    build(w);
+    const vg_lane *outer = &w->road->lanes[0], *inner = &w->road->lanes[1];
+    for (double angle = 0.1; angle < 2.9; angle += 0.1) {
+        const double so = vg_lane_project(outer, 53.5 * cos(angle), 53.5 * sin(angle), NAN);
+        const double si = vg_lane_project(inner, 50.0 * cos(angle), 50.0 * sin(angle), NAN);
+        CHECK_NEAR(vg_lane_station(outer, so), vg_lane_station(inner, si), 0.2);
+    }
+    world_free(w);
+}
+
+static void test_a_merge_aligns_both_lanes_at_its_point(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, 0.0, 200.0, 0.0);
+    add_lane(w, -1, -1);
+    add_straight(w, 200.0, 0.0, 500.0, 0.0);
+    add_lane(w, -1, -1);
+    add_point(w, 0.0, -30.0);
+    add_point(w, 100.0, -15.0);
+    add_point(w, 150.0, -5.0);
+    add_point(w, 175.0, -1.0);
+    add_point(w, 200.0, 0.0);
+    leads_to(w, 0, 1);
+    leads_to(w, 2, 1);
+    build(w);
+    const vg_lane *main = &w->road->lanes[0], *ramp = &w->road->lanes[2];
+    const vg_relation* merging = relation(w, 0, 2);
+    assert_int_equal(relation(w, 0, 1)->kind, VG_DOWNSTREAM);
+    assert_int_equal(relation(w, 1, 2)->kind, VG_UPSTREAM);
+    assert_int_equal(merging->kind, VG_MERGING);
+    CHECK_NEAR(ramp->station_end + (double)merging->offset, main->station_end, 0.01);
+    CHECK_BETWEEN(merging->touch, 150.0, 180.0); // 2.6 m apart there
+    assert_int_equal(w->road->conflict_count, 0);
+
+    const vg_lane* after = &w->road->lanes[1];
+    const vg_reference a = vg_lane_at(ramp, ramp->length), b = vg_lane_at(after, 0.0);
+    CHECK_NEAR(hypot(a.x - b.x, a.y - b.y), 0.0, 0.01);
+    CHECK_NEAR(a.sin_heading * b.cos_heading - a.cos_heading * b.sin_heading, 0.0, 0.01);
+    world_free(w);
+}
+
+static void test_a_diverge_leaves_the_branch_not_taken_out_of_sight(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, 0.0, 200.0, 0.0);
+    add_lane(w, -1, -1);
+    add_straight(w, 200.0, 0.0, 500.0, 0.0);
+    add_lane(w, -1, -1);
+    add_point(w, 200.0, 0.0);
+    add_point(w, 250.0, -2.0);
+    add_point(w, 300.0, -10.0);
+    add_point(w, 400.0, -40.0);
+    leads_to(w, 0, 1);
+    leads_to(w, 0, 2);
+    build(w);
+    assert_int_equal(relation(w, 1, 2)->kind, VG_DIVERGED);
+    CHECK_BETWEEN(relation(w, 1, 2)->touch, 40.0, 70.0);
+    assert_int_equal(verge_road_next(w->road, 0, 2), 2);
+    assert_int_equal(verge_road_next(w->road, 0, 1), 1);
+    assert_int_equal(verge_road_next(w->road, 0, VERGE_NO_LANE), 1);
+    assert_int_equal(verge_road_next(w->road, 2, 1), VERGE_NO_LANE);
+    assert_true(verge_road_leads_to(w->road, 0, 2));
+    assert_false(verge_road_leads_to(w->road, 1, 2));
+    assert_true(verge_road_continues(w->road, 0, 2));
+    assert_int_equal(w->road->changes[1 * 3 + 2], 255);
+    assert_int_equal(w->road->on_route[0 * 4 + 3], 1u | 4u); // wants 2: sees itself and 2
+    assert_int_equal(w->road->on_route[0 * 4 + 2], 1u | 2u);
+    world_free(w);
+}
+
+static void test_a_crossing_conflicts_where_it_crosses_as_often_as_it_does(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, -1, -1);
+    add_straight(w, -100.0, 0.0, 100.0, 0.0);
+    add_lane(w, -1, -1); // there, round a half circle, and back
+    add_point(w, -30.0, -100.0);
+    add_point(w, -30.0, 0.0);
+    for (int i = 0; i <= 12; ++i) {
+        const double a = VG_PI - VG_PI * i / 12.0;
+        add_point(w, 30.0 * cos(a), 20.0 + 30.0 * sin(a));
+    }
+    add_point(w, 30.0, -100.0);
+    build(w);
+    assert_int_equal(w->road->conflict_count, 4); // two, in both orders
+    assert_int_equal(w->road->conflict_lanes, 3);
+    for (int i = 0; i < 2; ++i) {
+        const vg_conflict* c = &w->road->conflicts[i];
+        const double middle = vg_lane_s(&w->road->lanes[0], 0.5 * (double)(c->from + c->to));
+        assert_int_equal(c->lane, 0);
+        CHECK_NEAR(middle, i == 0 ? 70.0 : 130.0, 1.5);
+        CHECK_BETWEEN(c->to - c->from, 3.0, 9.0);
+        CHECK_BETWEEN(c->other_to - c->other_from, 3.0, 9.0);
+    }
+    CHECK_NEAR(0.5 * (double)(w->road->conflicts[0].other_from + w->road->conflicts[0].other_to),
+               100.0, 1.5);
+    world_free(w);
+}
+
+static void test_a_ring_of_four_arcs_goes_round(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    for (int i = 0; i < 4; ++i) {
+        add_lane(w, -1, -1);
+        add_arc(w, 12.0, 0.5 * VG_PI * i, 0.5 * VG_PI * (i + 1), 4);
+        leads_to(w, (uint32_t)i, (i + 1) % 4);
+    }
+    add_lane(w, -1, -1); // an entry along the tangent of the first arc's start
+    add_straight(w, 12.0, -60.0, 12.0, 0.0);
+    leads_to(w, 4, 0);
+    build(w);
+    double round = 0.0;
+    for (uint32_t i = 0; i < 4; ++i) {
+        round += w->road->lanes[i].length;
+    }
+    CHECK_NEAR(round, 24.0 * VG_PI, 0.3);
+    for (uint32_t i = 0; i < 4; ++i) {
+        CHECK_NEAR(relation(w, i, (i + 1) % 4)->period, round, 0.01);
+        assert_int_equal(relation(w, i, (i + 1) % 4)->kind, VG_DOWNSTREAM);
+        assert_int_equal(relation(w, i, (i + 3) % 4)->kind, VG_UPSTREAM);
+        assert_int_equal(w->road->lanes[i].dead_end, false);
+    }
+    assert_int_equal(relation(w, 4, 0)->kind, VG_DOWNSTREAM);
+    assert_int_equal(relation(w, 4, 3)->kind, VG_MERGING);
+    CHECK_NEAR(relation(w, 4, 3)->period, 0.0, 0.0);
+    CHECK_NEAR(w->road->lanes[3].station_end + (double)relation(w, 4, 3)->offset,
+               w->road->lanes[4].station_end, 0.01);
+    world_free(w);
+}
+
+static void test_routes_take_the_fewest_changes_and_go_on_across_sections(void** state)
+{
+    (void)state;
+    world* w = world_new(); // two sections of two lanes; the right one exits at the end
+    add_lane(w, 1, -1);
+    add_straight(w, 0.0, 0.0, 300.0, 0.0);
+    add_lane(w, -1, 0);
+    add_straight(w, 0.0, 3.5, 300.0, 3.5);
+    add_lane(w, 3, -1);
+    add_straight(w, 300.0, 0.0, 600.0, 0.0);
+    add_lane(w, -1, 2);
+    add_straight(w, 300.0, 3.5, 600.0, 3.5);
+    add_lane(w, -1, -1);
+    add_straight(w, 600.0, 3.5, 900.0, 3.5);
+    leads_to(w, 0, 2);
+    leads_to(w, 1, 3);
+    leads_to(w, 3, 4);
+    build(w);
+    assert_int_equal(w->road->changes[0 * 5 + 4], 1);
+    assert_int_equal(w->road->move[0 * 5 + 4], 1);
+    assert_int_equal(w->road->changes[1 * 5 + 4], 0);
+    assert_int_equal(w->road->move[1 * 5 + 4], 0);
+    assert_int_equal(w->road->changes[1 * 5 + 2], 1);
+    assert_int_equal(w->road->move[1 * 5 + 2], -1);
+    assert_true(w->road->lanes[2].dead_end); // its neighbour goes on
+    assert_false(w->road->lanes[3].dead_end);
+    assert_false(w->road->lanes[4].dead_end); // nobody beside goes on
+    assert_int_equal(relation(w, 0, 3)->kind, VG_DOWNSTREAM);
+    CHECK_NEAR(relation(w, 0, 3)->offset, 300.0, 0.01);
+    CHECK_NEAR((double)relation(w, 0, 3)->lateral + (double)w->road->lanes[3].bins[0].lateral
+                   - (double)w->road->lanes[0].bins[0].lateral, 3.5, 0.01);
+    world_free(w);
+}
+
+// ------------------------------------------------------------------------------ paths
+
+static void test_a_path_is_its_anchor_and_smooth_beyond_it(void** state)
+{
+    (void)state;
+    world* w = world_new(); // a ramp that meets a bend with a step of 0.3 m
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, -0.3, 100.0, -0.3);
+    add_lane(w, -1, -1);
+    for (int i = 0; i <= 20; ++i) {
+        const double a = 0.1 * i;
+        add_point(w, 100.0 + 60.0 * sin(a), 60.0 - 60.0 * cos(a));
+    }
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, 8.0, 100.0, 0.0);
+    leads_to(w, 0, 1);
+    leads_to(w, 2, 1);
+    build(w);
+    static vg_path path;
+    for (uint32_t anchor = 0; anchor < 3; ++anchor) {
+        vg_path_build(&path, w->road, anchor, -1, -80.0, 260.0);
+        const vg_lane* lane = &w->road->lanes[anchor];
+        for (double s = 0.5; s < lane->length - 0.5; s += 0.9) {
+            const vg_reference a = vg_lane_at(lane, s), b = vg_path_at(&path, s);
+            CHECK_NEAR(a.x, b.x, 1e-3);
+            CHECK_NEAR(a.y, b.y, 1e-3);
+            CHECK_NEAR(a.curvature, b.curvature, 0.01);
+        }
+        for (double s = -79.0; s < 259.0; s += 0.3) {
+            const vg_reference a = vg_path_at(&path, s - 1e-4), b = vg_path_at(&path, s + 1e-4);
+            CHECK_NEAR(hypot(b.x - a.x, b.y - a.y) / 2e-4, 1.0, 0.02);
+            CHECK_AT_MOST(fabs(vg_path_at(&path, s).curvature), 0.09);
+            CHECK_NEAR(vg_path_project(&path, b.x, b.y, s), s + 1e-4, 1e-9);
+        }
+    }
+    world_free(w);
+}
+
+static void test_a_path_goes_straight_on_where_the_road_ends(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, 0.0, 100.0, 0.0);
+    build(w);
+    static vg_path path;
+    vg_path_build(&path, w->road, 0, -1, 50.0, 650.0);
+    const vg_reference at = vg_path_at(&path, 600.0);
+    CHECK_NEAR(at.x, 600.0, 1e-9);
+    CHECK_NEAR(at.y, 0.0, 1e-9);
+    CHECK_NEAR(at.curvature, 0.0, 1e-12);
+    world_free(w);
+}
+
+// ------------------------------------------------------------------------------ refusals
+
+static void refused(world* w, const char* field, const char* word)
+{
+    const verge_road_def def = { .lanes = w->lanes, .lane_count = w->count };
+    verge_road_fault fault;
+    assert_int_equal(verge_road_check(&def, &fault), VERGE_ERR_ROAD);
+    assert_string_equal(fault.field, field);
+    if (strstr(fault.text, word) == NULL) {
+        fail_msg("\"%s\" does not speak of \"%s\"", fault.text, word);
+    }
+}
+
+static world* two_lanes(void)
+{
+    world* w = world_new();
+    add_lane(w, 1, -1);
+    add_straight(w, 0.0, 0.0, 100.0, 0.0);
+    add_lane(w, -1, 0);
+    add_straight(w, 0.0, 3.5, 100.0, 3.5);
+    return w;
+}
+
+static void test_every_broken_road_is_refused_with_its_reason(void** state)
+{
+    (void)state;
+#define REFUSED(change, field, word)        \
+    do {                                    \
+        world* w = two_lanes();             \
+        verge_lane_def* lane = w->lanes;    \
+        change;                             \
+        refused(w, field, word);            \
+        world_free(w);                      \
+        (void)lane;                         \
+    } while (0)
+
+    REFUSED(w->count = 0, "lanes", "at least one");
+    REFUSED(lane->id = -3, "id", "0 or more");
+    REFUSED(w->lanes[1].id = 0, "id", "unique");
+    REFUSED(lane->point_count = 1, "centerline", "two points");
+    REFUSED(lane->point_count = 1025, "centerline", "1024");
+    REFUSED(w->points[0][1][1] = NAN, "centerline", "finite");
+    REFUSED(w->points[0][1][1] = INFINITY, "centerline", "finite");
+    REFUSED(w->points[0][1][0] = 1e9, "centerline", "origin");
+    REFUSED(w->points[0][1][0] = 0.0, "centerline", "coincide");
+    REFUSED(w->points[0][1][0] = 2001.0, "centerline", "2000 m");
+    REFUSED(lane->width = 1.0, "width", "1.5 to 20");
+    REFUSED(lane->width = NAN, "width", "1.5 to 20");
+    REFUSED(lane->speed_limit = 61.0, "speed_limit", "0.5 to 60");
+    REFUSED(lane->left = 0, "left", "its own");
+    REFUSED(lane->left = 7, "left", "does not exist");
+    REFUSED(lane->right = 7, "right", "does not exist");
+    REFUSED(lane->right = 1, "right", "left and on the right");
+    REFUSED(leads_to(w, 0, 9), "successors", "does not exist");
+    REFUSED(lane->successor_count = 9, "successors", "8");
+    REFUSED((leads_to(w, 0, 0), w->points[0][1][0] = 15.0, leads_to(w, 0, 0)), "successors",
+            "twice");
+    REFUSED(leads_to(w, 0, 1), "successors", "within 20 m");
+    REFUSED((lane->change_left_given = true, lane->change_left_count = 9), "change_left", "8");
+    REFUSED((lane->change_left_given = true, lane->change_left_count = 1,
+             lane->change_left[0] = (verge_stretch){ 60.0, 50.0 }), "change_left", "s0 <= s1");
+    REFUSED((lane->change_right_given = true, lane->change_right_count = 1,
+             lane->change_right[0] = (verge_stretch){ 60.0, 150.0 }), "change_right", "within");
+    REFUSED((lane->change_right_given = true, lane->change_right_count = 1,
+             lane->change_right[0] = (verge_stretch){ NAN, 50.0 }), "change_right", "finite");
+#undef REFUSED
+    world* w = two_lanes();
+    const verge_road_def def = { .lanes = w->lanes, .lane_count = w->count };
+    verge_road_fault fault = { .field = "left over" };
+    assert_int_equal(verge_road_check(&def, &fault), VERGE_OK);
+    assert_null(fault.field);
+    world_free(w);
+}
+
+static void test_hostile_surveys_build_without_nonsense(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("hostile surveys");
+    for (uint32_t round = 0; round < test_rounds(60); ++round) {
+        world* w = world_new(); // whatever passes the check must build: jumps, hairpins, repeats
+        const uint32_t lanes = 1 + test_rng_below(&rng, 6);
+        for (uint32_t i = 0; i < lanes; ++i) {
+            const int32_t left = (int32_t)test_rng_below(&rng, lanes);
+            add_lane(w, left == (int32_t)i ? -1 : left, -1);
+            double x = 0.0, y = 0.0;
+            const uint32_t n = 2 + test_rng_below(&rng, 30);
+            const double reach = test_rng_below(&rng, 2) == 0 ? 1.0 : 20.0;
+            add_point(w, 0.0, 0.0);
+            for (uint32_t k = 1; k < n; ++k) {
+                const bool repeat = test_rng_below(&rng, 4) == 0;
+                x += repeat ? 0.0 : test_rng_between(&rng, -reach, reach);
+                y += repeat ? 0.0 : test_rng_between(&rng, -reach, reach);
+                add_point(w, x, y);
+            }
+            add_point(w, 1.0, 0.0);
+            leads_to(w, i, (int32_t)((i + 1) % lanes));
+        }
+        build(w);
+        for (uint32_t i = 0; i < lanes; ++i) {
+            const vg_lane* lane = &w->road->lanes[i];
+            for (double s = -5.0; s < lane->length + 5.0; s += 0.7) {
+                const vg_reference at = vg_lane_at(lane, s);
+                assert_true(vg_finite(at.x) && vg_finite(at.y) && vg_finite(at.curvature));
+                CHECK_NEAR(at.cos_heading * at.cos_heading + at.sin_heading * at.sin_heading, 1.0,
+                           1e-9);
+                assert_true(vg_finite(vg_lane_station(lane, s)));
+                CHECK_NEAR(vg_lane_s(lane, vg_lane_station(lane, s)), s, 1e-3);
+            }
+        }
+        world_free(w);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_lines_are_smooth_near_their_survey_and_measured_by_arc),
+        cmocka_unit_test(test_a_straight_lane_is_exactly_straight),
+        cmocka_unit_test(test_noise_of_a_survey_is_not_followed),
+        cmocka_unit_test(test_a_coarse_circle_is_a_circle),
+        cmocka_unit_test(test_seams_of_one_to_one_lanes_do_not_show),
+        cmocka_unit_test(test_projection_undoes_position),
+        cmocka_unit_test(test_a_body_is_on_the_lane_that_fits_its_heading),
+        cmocka_unit_test(test_neighbours_share_stations_and_know_their_gaps),
+        cmocka_unit_test(test_concentric_lanes_are_side_by_side_at_equal_stations),
+        cmocka_unit_test(test_a_merge_aligns_both_lanes_at_its_point),
+        cmocka_unit_test(test_a_diverge_leaves_the_branch_not_taken_out_of_sight),
+        cmocka_unit_test(test_a_crossing_conflicts_where_it_crosses_as_often_as_it_does),
+        cmocka_unit_test(test_a_ring_of_four_arcs_goes_round),
+        cmocka_unit_test(test_routes_take_the_fewest_changes_and_go_on_across_sections),
+        cmocka_unit_test(test_a_path_is_its_anchor_and_smooth_beyond_it),
+        cmocka_unit_test(test_a_path_goes_straight_on_where_the_road_ends),
+        cmocka_unit_test(test_every_broken_road_is_refused_with_its_reason),
+        cmocka_unit_test(test_hostile_surveys_build_without_nonsense),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

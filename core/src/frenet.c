@@ -225,7 +225,7 @@ static vg_reference line_at(const line* self, double s)
     at.y = p.y + (way - inside) * at.sin_heading;
     at.curvature = 0.0;
     at.curvature_rate = 0.0;
-    if (way == inside) {
+    if (vg_abs(way - inside) < 1e-9) { // the end itself has its curvature, rounding or not
         const double cube = norm * norm * norm;
         at.curvature = (p.xs * p.yss - p.ys * p.xss) / cube;
         at.curvature_rate = (p.xs * p.ysss - p.ys * p.xsss) / cube

@@ -172,7 +172,8 @@ void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_r
     double warm_reward = -1.0;
     vg_line kept = { .step_count = 0 };
     if (best && warm != NULL) {
-        warm_reward = simulate_line(&self, root, warm);
+        (void)simulate_line(&self, root, warm);
+        warm_reward = self.best_reward; // -1 where the line failed on the way: nothing to keep
         kept = self.best;
     }
     const uint32_t left = budget - (self.report->iterations < budget ? self.report->iterations : budget);
@@ -294,7 +295,7 @@ static void open_node(search* self, vg_metanode* node)
     for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
         product *= size_of(self->moves.legal[i]);
     }
-    uint32_t stride = vg_random_next(self->random) % 1000003u;
+    uint32_t stride = vg_random_next(self->random); // large: every vehicle's digit changes soon
     while (stride % 2u == 0 || stride % 3u == 0 || stride % 5u == 0) {
         ++stride;
     }

@@ -1,4 +1,4 @@
-/// Moves of a whole flow, four vehicles side by side. See flow.h.
+/// Moves of a whole flow. See flow.h.
 
 #include "flow.h"
 
@@ -6,12 +6,6 @@
 #include "scalar.h"
 
 #include <string.h>
-
-// Vectors are passed between static inline functions only; the ABI note does not concern us.
-#pragma GCC diagnostic ignored "-Wpsabi"
-
-typedef float   f4 __attribute__((vector_size(16)));
-typedef int32_t i4 __attribute__((vector_size(16)));
 
 #define INLINE static inline __attribute__((always_inline))
 
@@ -47,55 +41,26 @@ static void  renew_sight(const vg_scene* scene, const vg_flow* flow);
 static void  longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
 static void  lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
 static void  human_moves(const vg_scene* scene, const vg_flow* flow, float dt, float* station_to,
-                         float* v_to, float* y_to);
-static void  speed_windows(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t block);
+                            float* v_to, float* y_to);
+static uint8_t legal_moves(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot);
 static void  settle(const vg_scene* scene, const vg_flow* flow, vg_flow* next, uint32_t slot,
-                    uint8_t action);
+                       uint8_t action);
 static void  earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot,
-                  uint8_t action);
-static bool  areas_conflict(const vg_scene* scene, const vg_flow* flow, const float* station1, uint32_t i,
-                            uint32_t j);
-
-INLINE f4 splat(float x)
-{
-    return (f4){ x, x, x, x };
-}
-INLINE f4 load(const float* from)
-{
-    f4 x;
-    memcpy(&x, from, sizeof x);
-    return x;
-}
-INLINE void store(float* to, f4 x)
-{
-    memcpy(to, &x, sizeof x);
-}
-INLINE f4 choose(i4 mask, f4 yes, f4 no)
-{
-    return (f4)((mask & (i4)yes) | (~mask & (i4)no));
-}
-INLINE f4 magnitude(f4 x)
-{
-    return (f4)((i4)x & 0x7fffffff);
-}
-INLINE f4 least(f4 a, f4 b)
-{
-    return choose(a < b, a, b);
-}
-INLINE f4 most(f4 a, f4 b)
-{
-    return choose(a > b, a, b);
-}
+                     uint8_t action);
+static bool  areas_conflict(const vg_scene* scene, const vg_flow* flow, const float* station1,
+                            uint32_t i, uint32_t j);
 
 INLINE float fabs_of(float x)
 {
     return x < 0.0f ? -x : x;
 }
-INLINE bool any_of(i4 mask)
+INLINE float least(float a, float b)
 {
-    uint64_t halves[2];
-    memcpy(halves, &mask, sizeof halves);
-    return (halves[0] | halves[1]) != 0;
+    return a < b ? a : b;
+}
+INLINE float most(float a, float b)
+{
+    return a > b ? a : b;
 }
 
 // ---------------------------------------------------------------------------- scene
@@ -159,22 +124,6 @@ static bool is_plain(const vg_scene* scene, const vg_flow* flow)
     return road->conflict_lanes == 0;
 }
 
-static void fill_empty_slots(vg_scene* scene, vg_flow* flow)
-{
-    const uint32_t padded = scene->block_count * VG_LANES;
-    for (uint32_t slot = scene->count; slot < padded; ++slot) {
-        flow->station[slot] = flow->d[slot] = flow->v[slot] = 0.0f;
-        flow->y[slot] = flow->left_gap[slot] = flow->right_gap[slot] = 0.0f;
-        flow->rate[slot] = 1.0f;
-        flow->lane[slot] = 0;
-        scene->half_length[slot] = scene->half_width[slot] = scene->cruise[slot] = 1.0f;
-    }
-    for (uint32_t slot = 0; slot < VERGE_VEHICLES_MAX; ++slot) {
-        scene->self[slot] = (float)slot;
-        scene->sight->lane[slot] = -1;
-    }
-}
-
 void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
                    vg_sight* sight, const verge_vehicle* vehicles, const vg_placed* placed,
                    uint32_t vehicle_count, const uint8_t* previous)
@@ -201,7 +150,6 @@ void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def,
         }
     }
     VERGE_ASSERT(scene->controlled_count <= VERGE_CONTROLLED_MAX);
-    scene->block_count = (scene->count + VG_LANES - 1) / VG_LANES;
     for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
         scene->limit[lane] = (float)road->lanes[lane].speed_limit;
         scene->limit_share[lane] = (float)(def->cruise_share * road->lanes[lane].speed_limit);
@@ -209,8 +157,15 @@ void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def,
     for (uint32_t k = 0; k < road->lane_count * road->lane_count; ++k) {
         scene->rings = scene->rings || road->relations[k].period > 0.0f;
     }
+    scene->reaction = (float)def->reaction_s;
+    scene->headway = (float)def->headway_s;
+    scene->per_reaction = 1.0f / scene->reaction;
+    scene->per_headway = 1.0f / scene->headway;
+    scene->per_both = 1.0f / (float)(def->reaction_s + def->headway_s);
     weigh(scene, vehicles);
-    fill_empty_slots(scene, flow);
+    for (uint32_t slot = 0; slot < VERGE_VEHICLES_MAX; ++slot) {
+        sight->lane[slot] = -1;
+    }
     scene->plain = is_plain(scene, flow);
     vg_flow_derive(scene, flow);
 }
@@ -276,11 +231,11 @@ static void see(const vg_scene* scene, const vg_flow* flow, uint32_t seen, uint3
     const uint64_t route = road->on_route[from * (road->lane_count + 1u) + (uint32_t)(target + 1)];
     const bool visible = relation->kind != VG_UNRELATED && ((route >> to) & 1u) != 0;
     vg_sight* sight = scene->sight;
-    sight->offset[seen][looker] = visible ? relation->offset : nowhere;
-    sight->lateral[seen][looker] = relation->lateral;
-    sight->touch[seen][looker] =
+    sight->offset[looker][seen] = visible ? relation->offset : nowhere;
+    sight->lateral[looker][seen] = relation->lateral;
+    sight->touch[looker][seen] =
         relation->kind == VG_MERGING ? relation->touch : -nowhere;
-    sight->period[seen][looker] = visible ? relation->period : 0.0f;
+    sight->period[looker][seen] = visible ? relation->period : 0.0f;
 }
 
 static void renew_sight(const vg_scene* scene, const vg_flow* flow)
@@ -298,27 +253,33 @@ static void renew_sight(const vg_scene* scene, const vg_flow* flow)
     }
 }
 
-// Station of `seen` less that of the four lookers, on the lookers' axes. [m of station]
-INLINE f4 ahead_by(const vg_scene* scene, float station, f4 lookers, uint32_t seen, uint32_t block)
+static float wrapped(float ahead, float ring)
 {
-    if (scene->plain) {
-        return splat(station) - lookers;
-    }
-    const vg_sight* sight = scene->sight;
-    f4 ds = splat(station) + load(&sight->offset[seen][block * VG_LANES]) - lookers;
-    if (scene->rings) {
-        const f4 period = load(&sight->period[seen][block * VG_LANES]);
-        const f4 half = period * splat(0.5f);
-        ds = choose((ds > half) & (period > splat(0.0f)), ds - period, ds);
-        ds = choose((ds < -half) & (period > splat(0.0f)), ds + period, ds);
-    }
-    return ds;
+    const float half = 0.5f * ring;
+    return ring <= 0.0f ? ahead : ahead > half ? ahead - ring : ahead < -half ? ahead + ring : ahead;
 }
 
-INLINE f4 left_by(const vg_scene* scene, float y, f4 lookers, uint32_t seen, uint32_t block)
+// Metres from slot i, at station_i, ahead to slot j, at station_j, centre to centre.
+INLINE float ahead_of(const vg_scene* scene, uint32_t i, uint32_t j, float rate, float station_i,
+                      float station_j)
 {
-    const f4 dy = splat(y) - lookers;
-    return scene->plain ? dy : dy + load(&scene->sight->lateral[seen][block * VG_LANES]);
+    if (scene->plain) {
+        return (station_j - station_i) * rate;
+    }
+    const float ahead = (station_j + scene->sight->offset[i][j] - station_i) * rate;
+    return scene->rings ? wrapped(ahead, scene->sight->period[i][j] * rate) : ahead;
+}
+
+// Metres from y_i to the left to y_j.
+INLINE float left_of(const vg_scene* scene, uint32_t i, uint32_t j, float y_i, float y_j)
+{
+    return scene->plain ? y_j - y_i : y_j - y_i + scene->sight->lateral[i][j];
+}
+
+// Merging vehicles are out of sight until the lanes come close.
+INLINE bool in_sight(const vg_scene* scene, const vg_flow* flow, uint32_t i, uint32_t j)
+{
+    return scene->plain || flow->station[i] > scene->sight->touch[i][j] - merge_sight;
 }
 
 // ---------------------------------------------------------------------------- moves
@@ -331,8 +292,8 @@ void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
     longitudinal_moves(scene, flow, moves);
     lateral_moves(scene, flow, moves);
     human_moves(scene, flow, (float)scene->def->step_s, moves->station[0], moves->v[0], moves->y[0]);
-    for (uint32_t block = 0; block * VG_LANES < scene->controlled_count; ++block) {
-        speed_windows(scene, flow, moves, block);
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        moves->legal[i] = legal_moves(scene, flow, moves, i);
     }
 }
 
@@ -342,20 +303,18 @@ static void longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_mo
     const float dt = (float)scene->def->step_s;
     const float gain = (float)scene->def->acceleration * dt;
     const float loss = (float)scene->def->deceleration * dt;
-    for (uint32_t at = 0; at < scene->block_count * VG_LANES; at += VG_LANES) {
-        const f4 v = load(&flow->v[at]);
-        const f4 station = load(&flow->station[at]);
-        const f4 per_metre = splat(1.0f) / load(&flow->rate[at]);
-        const f4 v_dc = most(v - splat(loss), splat(0.0f));
-        const f4 stopping = v * v * splat(0.5f * dt / loss);
-        const f4 way_dc =
-            choose(v < splat(loss), stopping, (v + v_dc) * splat(0.5f * dt));
-        store(&moves->station[0][at], station + v * splat(dt) * per_metre);
-        store(&moves->station[1][at], station + (v + splat(0.5f * gain)) * splat(dt) * per_metre);
-        store(&moves->station[2][at], station + way_dc * per_metre);
-        store(&moves->v[0][at], v);
-        store(&moves->v[1][at], v + splat(gain));
-        store(&moves->v[2][at], v_dc);
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        const float v = flow->v[i], station = flow->station[i];
+        const float per_metre = 1.0f / flow->rate[i];
+        const float v_dc = most(v - loss, 0.0f);
+        const float stopping = v * v * (0.5f * dt / loss);
+        const float way_dc = v < loss ? stopping : (v + v_dc) * (0.5f * dt);
+        moves->station[0][i] = station + v * dt * per_metre;
+        moves->station[1][i] = station + (v + 0.5f * gain) * dt * per_metre;
+        moves->station[2][i] = station + way_dc * per_metre;
+        moves->v[0][i] = v;
+        moves->v[1][i] = v + gain;
+        moves->v[2][i] = v_dc;
     }
 }
 
@@ -364,32 +323,60 @@ static void longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_mo
 static void lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
 {
     const float part = 0.5f * (float)scene->def->step_s / change_step_s;
-    for (uint32_t at = 0; at < scene->block_count * VG_LANES; at += VG_LANES) {
-        const f4 d = load(&flow->d[at]);
-        const f4 y = load(&flow->y[at]);
-        const f4 left = load(&flow->left_gap[at]);
-        const f4 right = load(&flow->right_gap[at]);
-        const f4 room = most(most(left, right), splat(3.0f)) * splat(part);
-        const f4 keep = most(least(-d, room), -room);
-        const f4 left_rest = choose(d < splat(-centred), -d, left - d);
-        const f4 right_rest = choose(d > splat(centred), d, right + d);
-        store(&moves->y[0][at], y + keep);
-        store(&moves->y[1][at], y + least(left_rest, room));
-        store(&moves->y[2][at], y - least(right_rest, room));
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        const float d = flow->d[i], y = flow->y[i];
+        const float left = flow->left_gap[i], right = flow->right_gap[i];
+        const float room = most(most(left, right), 3.0f) * part;
+        const float left_rest = d < -centred ? -d : left - d;
+        const float right_rest = d > centred ? d : right + d;
+        moves->y[0][i] = y + most(least(-d, room), -room);
+        moves->y[1][i] = y + least(left_rest, room);
+        moves->y[2][i] = y - least(right_rest, room);
     }
 }
 
-INLINE f4 idm(const verge_planner_def* def, f4 v, f4 desired, f4 gap, f4 v_lead)
+// Nearest vehicles ahead and behind in the path of one lateral option.
+typedef struct window {
+    float gap_l, v_l; // [m] from its centre to the leader's tail, [m/s]
+    float gap_f, v_f; // [m] from its centre to the follower's nose, [m/s]
+} window;
+
+// Looks from slot i, at a station and y, at everyone at `stations` with speeds v: the innermost
+// loop of the search, with everything it reads in locals and the plain case compiled apart.
+INLINE window scan(const vg_scene* scene, const vg_flow* flow, uint32_t i, float station, float y,
+                   const float* restrict stations, const float* restrict v, window w, bool plain)
 {
-    const f4 closing = v * (v - v_lead) / splat((float)(2.0 * def->idm_comfort));
-    const f4 s0 = splat((float)def->idm_gap);
-    const f4 wanted = most(s0 + v * splat((float)def->idm_headway_s) + closing, s0);
-    const f4 ratio = wanted / most(gap, splat(1.0f));
-    const f4 pace = v / desired;
-    const f4 pace2 = pace * pace;
-    const f4 a = splat((float)def->idm_acceleration)
-                 * (splat(1.0f) - pace2 * pace2 - ratio * ratio);
-    return most(a, splat(-(float)def->idm_braking_max));
+    const float* restrict ys = flow->y;
+    const float* restrict half_width = scene->half_width;
+    const float* restrict lateral = scene->sight->lateral[i];
+    const float width = scene->half_width[i] + path_air, rate = flow->rate[i];
+    const uint32_t count = scene->count;
+    for (uint32_t j = 0; j < count; ++j) {
+        const float dy = plain ? ys[j] - y : ys[j] - y + lateral[j];
+        const float reach = width + half_width[j];
+        if (dy >= reach || dy <= -reach || j == i || (!plain && !in_sight(scene, flow, i, j))) {
+            continue;
+        }
+        const float ds = plain ? (stations[j] - station) * rate
+                               : ahead_of(scene, i, j, rate, station, stations[j]);
+        const float gap = fabs_of(ds) - scene->half_length[j];
+        if (ds > 0.0f && gap < w.gap_l) {
+            w.gap_l = gap;
+            w.v_l = v[j];
+        } else if (ds <= 0.0f && gap < w.gap_f) {
+            w.gap_f = gap;
+            w.v_f = v[j];
+        }
+    }
+    return w;
+}
+
+static window look(const vg_scene* scene, const vg_flow* flow, uint32_t i, float station, float y,
+                   const float* stations, const float* v, float free_ahead)
+{
+    const window open = { .gap_l = free_ahead, .gap_f = nowhere };
+    return scene->plain ? scan(scene, flow, i, station, y, stations, v, open, true)
+                        : scan(scene, flow, i, station, y, stations, v, open, false);
 }
 
 double vg_idm_acceleration(const verge_planner_def* def, double v, double desired, double gap, double v_lead)
@@ -403,86 +390,68 @@ double vg_idm_acceleration(const verge_planner_def* def, double v, double desire
     return vg_max(a, -def->idm_braking_max);
 }
 
+// The same in single precision; what is divided by all the time is given as its inverse.
+INLINE float idm(const verge_planner_def* def, float per_closing, float v, float per_desired, float gap,
+                 float v_lead)
+{
+    const float s0 = (float)def->idm_gap;
+    const float closing = v * (v - v_lead) * per_closing;
+    const float wanted = most(s0 + v * (float)def->idm_headway_s + closing, s0);
+    const float ratio = wanted / most(gap, 1.0f);
+    const float pace = v * per_desired;
+    const float pace2 = pace * pace;
+    const float a = (float)def->idm_acceleration * (1.0f - pace2 * pace2 - ratio * ratio);
+    return most(a, -(float)def->idm_braking_max);
+}
+
 // KL: the IDM behind the nearest vehicle in the path, planned or not; the lane is kept as driven.
 static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, float* station_to,
                         float* v_to, float* y_to)
 {
-    const uint32_t first = scene->controlled_count / VG_LANES;
-    for (uint32_t block = first; block < scene->block_count; ++block) {
-        const uint32_t at = block * VG_LANES;
-        const f4 station = load(&flow->station[at]);
-        const f4 y = load(&flow->y[at]);
-        const f4 width = load(&scene->half_width[at]) + splat(path_air);
-        f4 lead = splat(nowhere), lead_v = splat(0.0f), lead_half = splat(0.0f);
-        for (uint32_t j = 0; j < scene->count; ++j) {
-            const f4 ds = ahead_by(scene, flow->station[j], station, j, block);
-            const f4 dy = left_by(scene, flow->y[j], y, j, block);
-            i4 in = magnitude(dy) < width + splat(scene->half_width[j]);
-            in &= (ds > splat(0.0f)) & (ds < lead);
-            if (!scene->plain) {
-                in &= station > load(&scene->sight->touch[j][at]) - splat(merge_sight);
-            }
-            lead = choose(in, ds, lead);
-            lead_v = choose(in, splat(flow->v[j]), lead_v);
-            lead_half = choose(in, splat(scene->half_length[j]), lead_half);
+    const float per_closing = 0.5f / (float)scene->def->idm_comfort;
+    const uint32_t parts = 1u + (uint32_t)dt; // in steps beyond a second the IDM hits who stands
+    const float part = dt / (float)parts;
+    for (uint32_t i = scene->controlled_count; i < scene->count; ++i) {
+        const window w =
+            look(scene, flow, i, flow->station[i], flow->y[i], flow->station, flow->v, nowhere);
+        const float per_desired = 1.0f / scene->cruise[i];
+        const float gap = w.gap_l - scene->half_length[i];
+        float v = flow->v[i], way = 0.0f;
+        const float v_lead = w.gap_l < 0.5f * nowhere ? w.v_l : v; // free road: nobody closes in
+        for (uint32_t k = 0; k < parts; ++k) {
+            const float room = gap + v_lead * ((float)k * part) - way;
+            const float a = idm(scene->def, per_closing, v, per_desired, room, v_lead);
+            const float v1 = v + a * part;
+            // One who stops goes no farther than to the stop.
+            way += v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * part);
+            v = most(v1, 0.0f);
         }
-        const f4 rate = load(&flow->rate[at]);
-        const f4 v = load(&flow->v[at]);
-        const f4 gap = lead * rate - lead_half - load(&scene->half_length[at]);
-        const f4 free_road = lead > splat(0.5f * nowhere);
-        const f4 a = idm(scene->def, v, load(&scene->cruise[at]), gap,
-                         choose((i4)free_road, v, lead_v));
-        const f4 wanted = v + a * splat(dt);
-        const f4 v1 = most(wanted, splat(0.0f));
-        // One who stops within the step goes no farther than to the stop.
-        const f4 way = choose(wanted < splat(0.0f), v * v / (splat(-2.0f) * a),
-                              (v + v1) * splat(0.5f * dt));
-        const i4 human = load(&scene->self[at]) >= splat((float)scene->controlled_count);
-        store(&station_to[at], choose(human, station + way / rate, load(&station_to[at])));
-        store(&v_to[at], choose(human, v1, load(&v_to[at])));
-        store(&y_to[at], choose(human, y, load(&y_to[at])));
+        station_to[i] = flow->station[i] + way / flow->rate[i];
+        v_to[i] = v;
+        y_to[i] = flow->y[i];
     }
-}
-
-// Nearest vehicles ahead and behind in the path of one lateral option.
-typedef struct window {
-    f4 y;          // of the one who looks
-    f4 gap_l, v_l; // [m] from its centre to the leader's tail, [m/s]
-    f4 gap_f, v_f; // [m] from its centre to the follower's nose, [m/s]
-} window;
-
-// ds: metres ahead, centre to centre.
-INLINE void look(window* w, f4 ds, f4 yj, i4 may, f4 width, float v, float half)
-{
-    const i4 in = may & (magnitude(yj - w->y) < width);
-    const i4 fore = ds > splat(0.0f);
-    const f4 gap = magnitude(ds) - splat(half);
-    const i4 ahead = in & fore & (gap < w->gap_l);
-    const i4 behind = in & ~fore & (gap < w->gap_f);
-    w->gap_l = choose(ahead, gap, w->gap_l);
-    w->v_l = choose(ahead, splat(v), w->v_l);
-    w->gap_f = choose(behind, gap, w->gap_f);
-    w->v_f = choose(behind, splat(v), w->v_f);
 }
 
 // Eq. 3: how far a new speed lies inside the window, >= 0 if it holds. Two margins: to the
 // leader (upper bounds) and to the follower (lower bound). `way`: metres beyond KS.
 typedef struct margins {
-    f4 upper, lower;
+    float upper, lower;
 } margins;
 
-INLINE margins margins_of(const verge_planner_def* def, const window* w, f4 half, f4 v, f4 way)
+static margins margins_of(const vg_scene* scene, const window* w, float half, float v, float way)
 {
-    const f4 tau = splat((float)def->reaction_s);
-    const f4 mth = splat((float)def->headway_s);
-    const f4 per_reaction = splat(1.0f / (float)def->reaction_s);
-    const f4 per_headway = splat(1.0f / (float)def->headway_s);
-    const f4 per_both = splat(1.0f / (float)(def->reaction_s + def->headway_s));
-    const f4 gap_l = w->gap_l - half - way;
-    const f4 gap_f = w->gap_f - half + way;
-    const f4 upper = least((mth * w->v_l + gap_l) * per_both, gap_l * per_reaction);
-    const f4 lower = w->v_f - (gap_f - tau * w->v_f) * per_headway;
+    const float tau = scene->reaction, mth = scene->headway;
+    const float gap_l = w->gap_l - half - way;
+    const float gap_f = w->gap_f - half + way;
+    const float upper =
+        least((mth * w->v_l + gap_l) * scene->per_both, gap_l * scene->per_reaction);
+    const float lower = w->v_f - (gap_f - tau * w->v_f) * scene->per_headway;
     return (margins){ upper - v, v - lower };
+}
+
+static bool fits(margins m)
+{
+    return m.upper >= 0.0f && m.lower >= 0.0f;
 }
 
 // The end of a lane that leads nowhere is a standing leader.
@@ -492,19 +461,14 @@ static float dead_end_ahead(const vg_scene* scene, const vg_flow* flow, uint32_t
     return lane->dead_end ? (float)lane->station_end - station : nowhere;
 }
 
-INLINE uint32_t bits_of(i4 mask, uint32_t lane)
-{
-    return mask[lane] != 0 ? 1u : 0u;
-}
-
 // Where nothing in the lane fits the window, the least harmful stays: brake for a leader, else
 // make way for a follower. A vehicle always has a move.
-static uint32_t least_harm(margins ks, margins ac, margins dc, uint32_t lane)
+static uint32_t least_harm(margins ks, margins ac, margins dc)
 {
-    if (ks.upper[lane] < 0.0f || dc.lower[lane] >= 0.0f) {
+    if (ks.upper < 0.0f || dc.lower >= 0.0f) {
         return 1u << VERGE_DECELERATE;
     }
-    return ac.upper[lane] >= 0.0f ? 1u << VERGE_ACCELERATE : 1u << VERGE_KEEP_SPEED;
+    return ac.upper >= 0.0f ? 1u << VERGE_ACCELERATE : 1u << VERGE_KEEP_SPEED;
 }
 
 // Borders, stretches and direction: changes lead towards the target, or around a slower leader.
@@ -514,7 +478,7 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     const uint32_t lane = (uint32_t)flow->lane[slot];
     const float d = flow->d[slot];
     const float left_gap = flow->left_gap[slot], right_gap = flow->right_gap[slot];
-    const float room = left_gap > right_gap ? left_gap : right_gap;
+    const float room = most(left_gap, right_gap);
     const float width = room > 0.0f ? room : 3.0f;
     if (flow->v[slot] * change_step_s * change_slope < 0.5f * width) {
         return 0; // too slow to get across
@@ -525,8 +489,8 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     bool right = finish_right || right_gap > 0.0f;
     const int32_t target = scene->target[slot];
     const int8_t way = target < 0 ? 0 : road->move[lane * road->lane_count + (uint32_t)target];
-    const bool overtake = keep->gap_l[slot % VG_LANES] < overtake_sight
-                          && keep->v_l[slot % VG_LANES] < overtake_pace * scene->limit_share[lane];
+    const bool overtake = keep->gap_l < overtake_sight
+                          && keep->v_l < overtake_pace * scene->limit_share[lane];
     if (!overtake) {
         left = left && (way > 0 || finish_left);
         right = right && (way < 0 || finish_right);
@@ -534,183 +498,142 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     return (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u);
 }
 
-// What is in the path of up to two lateral options of four vehicles at t + 1: everyone's
-// neighbours are taken at the same instant as the new state, planned ones at their present speed.
-INLINE void look_round(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
-                       uint32_t block, window* first, window* second)
+// Does a change fit the window among those in both lanes it touches?
+static bool change_fits(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot,
+                        uint32_t side)
 {
-    const uint32_t at = block * VG_LANES;
-    const f4 station = load(&moves->station[0][at]);
-    const f4 now = load(&flow->station[at]);
-    const f4 rate = load(&flow->rate[at]);
-    const f4 half_width = load(&scene->half_width[at]) + splat(path_air);
-    const f4 self = load(&scene->self[at]);
-    for (uint32_t j = 0; j < scene->count; ++j) {
-        const f4 ds = ahead_by(scene, moves->station[0][j], station, j, block) * rate;
-        f4 yj = splat(flow->y[j]);
-        i4 may = self != splat((float)j);
-        if (!scene->plain) {
-            yj += load(&scene->sight->lateral[j][at]);
-            may &= now > load(&scene->sight->touch[j][at]) - splat(merge_sight);
-        }
-        const f4 width = half_width + splat(scene->half_width[j]);
-        look(first, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
-        if (second != NULL) {
-            look(second, ds, yj, may, width, moves->v[0][j], scene->half_length[j]);
-        }
-    }
+    const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
+                          moves->station[0], moves->v[0], nowhere);
+    return fits(margins_of(scene, &w, scene->half_length[slot], flow->v[slot], 0.0f));
 }
 
-static window open_window(f4 y)
+// The single pruning of section 3.1.3. Everyone's neighbours are taken at the same instant as
+// the new state, t + 1, planned ones at their present speed.
+static uint8_t legal_moves(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot)
 {
-    return (window){ .y = y, .gap_l = splat(nowhere), .gap_f = splat(nowhere) };
-}
-
-// Which of four vehicles' changes fit the window on both sides of the border.
-static uint32_t changes_that_fit(const vg_scene* scene, const vg_flow* flow, uint32_t block, uint32_t lane,
-                                 const window* left, const window* right)
-{
-    const uint32_t at = block * VG_LANES;
-    const f4 half = load(&scene->half_length[at]);
-    const f4 v = load(&flow->v[at]);
-    const margins lcl = margins_of(scene->def, left, half, v, splat(0.0f));
-    const margins lcr = margins_of(scene->def, right, half, v, splat(0.0f));
-    return (lcl.upper[lane] >= 0.0f && lcl.lower[lane] >= 0.0f ? 1u << VERGE_CHANGE_LEFT : 0u)
-           | (lcr.upper[lane] >= 0.0f && lcr.lower[lane] >= 0.0f ? 1u << VERGE_CHANGE_RIGHT : 0u);
-}
-
-// The single pruning of section 3.1.3 for four vehicles.
-static void speed_windows(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t block)
-{
-    const verge_planner_def* def = scene->def;
-    const uint32_t at = block * VG_LANES;
-    const uint32_t here = scene->controlled_count - at < VG_LANES ? scene->controlled_count - at
-                                                                  : VG_LANES;
-    const f4 station = load(&moves->station[0][at]);
-    window keep = open_window(load(&moves->y[0][at]));
-    for (uint32_t lane = 0; lane < here; ++lane) {
-        keep.gap_l[lane] = dead_end_ahead(scene, flow, at + lane, station[lane]);
+    const float station = moves->station[0][slot], rate = flow->rate[slot];
+    const float half = scene->half_length[slot];
+    const window keep = look(scene, flow, slot, station, moves->y[0][slot], moves->station[0],
+                             moves->v[0], dead_end_ahead(scene, flow, slot, station));
+    const margins ks = margins_of(scene, &keep, half, moves->v[0][slot], 0.0f);
+    const margins ac = margins_of(scene, &keep, half, moves->v[1][slot],
+                                  (moves->station[1][slot] - station) * rate);
+    const margins dc = margins_of(scene, &keep, half, moves->v[2][slot],
+                                  (moves->station[2][slot] - station) * rate);
+    uint32_t legal = fits(ks) ? 1u << VERGE_KEEP_SPEED : 0u;
+    if (fits(ac) && moves->v[1][slot] <= scene->limit[flow->lane[slot]]) {
+        legal |= 1u << VERGE_ACCELERATE;
     }
-    look_round(scene, flow, moves, block, &keep, NULL);
-    const f4 rate = load(&flow->rate[at]);
-    const f4 half = load(&scene->half_length[at]);
-    const f4 v = load(&flow->v[at]);
-    const f4 v_ac = load(&moves->v[1][at]);
-    const f4 zero = splat(0.0f);
-    const margins ks = margins_of(def, &keep, half, v, zero);
-    const margins ac =
-        margins_of(def, &keep, half, v_ac, (load(&moves->station[1][at]) - station) * rate);
-    const margins dc = margins_of(def, &keep, half, load(&moves->v[2][at]),
-                                  (load(&moves->station[2][at]) - station) * rate);
-    uint32_t wanted[VG_LANES], any = 0;
-    for (uint32_t lane = 0; lane < here; ++lane) {
-        any |= wanted[lane] = changes_allowed(scene, flow, &keep, at + lane);
+    if (fits(dc) && flow->v[slot] > 0.0f) {
+        legal |= 1u << VERGE_DECELERATE;
     }
-    window left = keep, right = keep;
-    if (any != 0) { // most states of a simulation want no change: half of the work is saved here
-        left = open_window(load(&moves->y[1][at]));
-        right = open_window(load(&moves->y[2][at]));
-        look_round(scene, flow, moves, block, &left, &right);
+    if (legal == 0) {
+        legal = least_harm(ks, ac, dc);
     }
-    const i4 ok_ks = (ks.upper >= zero) & (ks.lower >= zero);
-    const i4 ok_ac = (ac.upper >= zero) & (ac.lower >= zero);
-    const i4 ok_dc = (dc.upper >= zero) & (dc.lower >= zero) & (v > zero);
-    for (uint32_t lane = 0; lane < here; ++lane) {
-        const bool may_gain = v_ac[lane] <= scene->limit[flow->lane[at + lane]];
-        uint32_t legal = bits_of(ok_ks, lane) << VERGE_KEEP_SPEED
-                         | bits_of(ok_dc, lane) << VERGE_DECELERATE
-                         | (may_gain ? bits_of(ok_ac, lane) << VERGE_ACCELERATE : 0u);
-        if (legal == 0) {
-            legal = least_harm(ks, ac, dc, lane);
+    const uint32_t wanted = changes_allowed(scene, flow, &keep, slot);
+    for (uint32_t side = 1; side <= 2; ++side) {
+        const uint32_t bit = 1u << (side == 1 ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT);
+        if ((wanted & bit) != 0 && change_fits(scene, flow, moves, slot, side)) {
+            legal |= bit;
         }
-        if (wanted[lane] != 0) {
-            legal |= wanted[lane]
-                     & changes_that_fit(scene, flow, block, lane, &left, &right);
-        }
-        moves->legal[at + lane] = (uint8_t)legal;
     }
+    return (uint8_t)legal;
 }
 
 // ---------------------------------------------------------------------------- joint actions
 
-typedef struct chosen {
-    VG_ALIGNED float station[VERGE_VEHICLES_MAX];
-    VG_ALIGNED float y[VERGE_VEHICLES_MAX];
-} chosen;
-
 static const uint8_t along_of[VERGE_ACTION_COUNT] = { 0, 1, 2, 0, 0 };
 static const uint8_t across_of[VERGE_ACTION_COUNT] = { 0, 0, 0, 1, 2 };
 
-static void choose_moves(const vg_scene* scene, const vg_moves* moves, const uint8_t* actions, chosen* to)
+// Does the straight way from (x0, y0) to (x1, y1) meet the box |x| < ex, |y| < ey? Exactly: only
+// the box's two axes and the way's own normal could keep them apart.
+static bool crosses(float x0, float y0, float x1, float y1, float ex, float ey)
 {
-    const size_t bytes = scene->block_count * VG_LANES * sizeof(float);
-    memcpy(to->station, moves->station[0], bytes);
-    memcpy(to->y, moves->y[0], bytes);
+    const float dx = x1 - x0, dy = y1 - y0;
+    return least(x0, x1) < ex && most(x0, x1) > -ex && least(y0, y1) < ey && most(y0, y1) > -ey
+           && fabs_of(x0 * dy - y0 * dx) <= ex * fabs_of(dy) + ey * fabs_of(dx);
+}
+
+// Where everyone is after these actions, before they settle on lanes.
+typedef struct chosen {
+    float station[VERGE_VEHICLES_MAX], y[VERGE_VEHICLES_MAX];
+} chosen;
+
+static void choose_moves(const vg_scene* scene, const vg_moves* moves, const uint8_t* actions,
+                         chosen* restrict to)
+{
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         to->station[i] = moves->station[along_of[actions[i]]][i];
         to->y[i] = moves->y[across_of[actions[i]]][i];
     }
+    for (uint32_t i = scene->controlled_count; i < scene->count; ++i) {
+        to->station[i] = moves->station[0][i];
+        to->y[i] = moves->y[0][i];
+    }
 }
 
-// Does the straight way from (x0, y0) to (x1, y1) meet the box |x| < ex, |y| < ey? Exactly: only
-// the box's two axes and the way's own normal could keep them apart.
-INLINE i4 crosses(f4 x0, f4 y0, f4 x1, f4 y1, f4 ex, f4 ey)
+// Do the ways of two vehicles that pass near each other come too close between the two instants?
+// x0, x1: metres from i ahead to j. Relative motion is linear. Bodies that have less air than the
+// margin already may go on without contact; bodies in contact may do all but press on.
+static bool too_close(const vg_scene* scene, const vg_flow* flow, const chosen* to, uint32_t i, uint32_t j,
+                      float x0, float x1)
 {
-    const f4 dx = x1 - x0, dy = y1 - y0;
-    const i4 along = (least(x0, x1) < ex) & (most(x0, x1) > -ex);
-    const i4 across = (least(y0, y1) < ey) & (most(y0, y1) > -ey);
-    const f4 reach = ex * magnitude(dy) + ey * magnitude(dx);
-    return along & across & (magnitude(x0 * dy - y0 * dx) <= reach);
+    if (!scene->plain && to->station[i] <= scene->sight->touch[i][j]) {
+        return false;
+    }
+    const float y0 = left_of(scene, i, j, flow->y[i], flow->y[j]);
+    const float y1 = left_of(scene, i, j, to->y[i], to->y[j]);
+    const float length = scene->half_length[i] + scene->half_length[j];
+    const float width = scene->half_width[i] + scene->half_width[j];
+    const float ex = length + joint_air_along, ey = width + joint_air_across;
+    if (fabs_of(x0) < length && fabs_of(y0) < width) {
+        return fabs_of(x1) < length && fabs_of(y1) < width && fabs_of(x1) <= fabs_of(x0)
+               && fabs_of(y1) <= fabs_of(y0);
+    }
+    if (fabs_of(x0) < ex && fabs_of(y0) < ey) {
+        return crosses(x0, y0, x1, y1, length, width);
+    }
+    return crosses(x0, y0, x1, y1, ex, ey);
 }
 
-// Do the ways of four vehicles and vehicle j come too close between the two instants? Relative
-// motion is linear. Bodies that have less air than the margin already may go on without contact;
-// bodies in contact may do all but press on.
-INLINE i4 too_close(const vg_scene* scene, const vg_flow* flow, const chosen* to, uint32_t block, uint32_t j)
+// Conflicts of slot i with the slots after it. Most pairs are settled by one being ahead of the
+// other all the way.
+INLINE uint32_t conflicts_after(const vg_scene* scene, const vg_flow* flow, const chosen* to, uint32_t i,
+                                bool plain)
 {
-    const uint32_t at = block * VG_LANES;
-    const f4 rate = load(&flow->rate[at]);
-    const f4 ds0 = ahead_by(scene, flow->station[j], load(&flow->station[at]), j, block) * rate;
-    const f4 ds1 = ahead_by(scene, to->station[j], load(&to->station[at]), j, block) * rate;
-    const f4 length = load(&scene->half_length[at]) + splat(scene->half_length[j]);
-    const f4 ex = length + splat(joint_air_along);
-    const i4 passing = (ds0 > splat(0.0f)) ^ (ds1 > splat(0.0f));
-    if (!any_of((magnitude(ds0) < ex) | (magnitude(ds1) < ex) | passing)) {
-        return passing; // far apart all the way: none
+    const float* restrict before = flow->station;
+    const float* restrict after = to->station;
+    const float* restrict half_length = scene->half_length;
+    const float rate = flow->rate[i], station0 = before[i], station1 = after[i];
+    const float ex = half_length[i] + joint_air_along;
+    const uint32_t count = scene->count;
+    uint32_t conflicts = 0;
+    for (uint32_t j = i + 1u; j < count; ++j) {
+        const float x0 = plain ? (before[j] - station0) * rate
+                               : ahead_of(scene, i, j, rate, station0, before[j]);
+        const float x1 = plain ? (after[j] - station1) * rate
+                               : ahead_of(scene, i, j, rate, station1, after[j]);
+        const float reach = ex + half_length[j];
+        if ((x0 >= reach && x1 >= reach) || (x0 <= -reach && x1 <= -reach)) {
+            continue;
+        }
+        if (too_close(scene, flow, to, i, j, x0, x1)) {
+            conflicts |= 1u << i | (j < scene->controlled_count ? 1u << j : 0u);
+        }
     }
-    const f4 dy0 = left_by(scene, flow->y[j], load(&flow->y[at]), j, block);
-    const f4 dy1 = left_by(scene, to->y[j], load(&to->y[at]), j, block);
-    const f4 width = load(&scene->half_width[at]) + splat(scene->half_width[j]);
-    const f4 ey = width + splat(joint_air_across);
-    const i4 inside = (magnitude(ds0) < ex) & (magnitude(dy0) < ey);
-    const i4 touching = (magnitude(ds0) < length) & (magnitude(dy0) < width);
-    const i4 pressing = (magnitude(ds1) < length) & (magnitude(dy1) < width)
-                        & (magnitude(ds1) <= magnitude(ds0)) & (magnitude(dy1) <= magnitude(dy0));
-    i4 hit = (touching & pressing)
-             | (~touching & inside & crosses(ds0, dy0, ds1, dy1, length, width))
-             | (~inside & crosses(ds0, dy0, ds1, dy1, ex, ey));
-    if (!scene->plain) {
-        hit &= load(&to->station[at]) > load(&scene->sight->touch[j][at]);
-    }
-    return hit & (load(&scene->self[at]) != splat((float)j));
+    return conflicts;
 }
 
 uint32_t vg_flow_conflicts(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
                            const uint8_t* actions)
 {
+    uint32_t conflicts = 0;
     chosen to;
     choose_moves(scene, moves, actions, &to);
-    uint32_t conflicts = 0;
-    for (uint32_t block = 0; block * VG_LANES < scene->controlled_count; ++block) {
-        i4 hit = (i4){ 0 };
-        for (uint32_t j = 0; j < scene->count; ++j) {
-            hit |= too_close(scene, flow, &to, block, j);
-        }
-        for (uint32_t lane = 0; lane < VG_LANES; ++lane) {
-            conflicts |= bits_of(hit, lane) << (block * VG_LANES + lane);
-        }
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        conflicts |= scene->plain ? conflicts_after(scene, flow, &to, i, true)
+                                  : conflicts_after(scene, flow, &to, i, false);
     }
-    conflicts &= scene->controlled_count < 32 ? (1u << scene->controlled_count) - 1u : ~0u;
     for (uint32_t i = 0; scene->road->conflict_lanes != 0 && i < scene->controlled_count; ++i) {
         for (uint32_t j = 0; j < scene->count; ++j) {
             if (i != j && areas_conflict(scene, flow, to.station, i, j)) {
@@ -755,19 +678,14 @@ static bool areas_conflict(const vg_scene* scene, const vg_flow* flow, const flo
 void vg_flow_advance(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
                      const uint8_t* actions, vg_flow* next)
 {
-    const size_t bytes = scene->block_count * VG_LANES * sizeof(float);
-    memcpy(next->station, moves->station[0], bytes);
-    memcpy(next->y, moves->y[0], bytes);
-    memcpy(next->v, moves->v[0], bytes);
-    memcpy(next->lane, flow->lane, scene->block_count * VG_LANES * sizeof next->lane[0]);
-    memcpy(next->rate, flow->rate, bytes);
-    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
-        next->station[i] = moves->station[along_of[actions[i]]][i];
-        next->v[i] = moves->v[along_of[actions[i]]][i];
-        next->y[i] = moves->y[across_of[actions[i]]][i];
-    }
     for (uint32_t slot = 0; slot < scene->count; ++slot) {
-        settle(scene, flow, next, slot, slot < scene->controlled_count ? actions[slot] : 0);
+        const uint8_t action = slot < scene->controlled_count ? actions[slot] : 0;
+        next->station[slot] = moves->station[along_of[action]][slot];
+        next->v[slot] = moves->v[along_of[action]][slot];
+        next->y[slot] = moves->y[across_of[action]][slot];
+        next->lane[slot] = flow->lane[slot];
+        next->rate[slot] = flow->rate[slot];
+        settle(scene, flow, next, slot, action);
     }
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         earn(scene, flow, next, i, actions[i]);
@@ -789,19 +707,16 @@ void vg_flow_follow(const vg_scene* scene, const vg_flow* flow, double dt, vg_fl
 void vg_flow_neighbours(const vg_scene* scene, const vg_flow* flow, uint32_t slot, int32_t* ahead,
                         int32_t* behind)
 {
-    const uint32_t block = slot / VG_LANES, lane = slot % VG_LANES;
-    const f4 station = load(&flow->station[block * VG_LANES]);
-    const f4 y = load(&flow->y[block * VG_LANES]);
     float lead = 0.1f * nowhere, back = -0.1f * nowhere;
     *ahead = *behind = -1;
     if (!scene->plain) {
         renew_sight(scene, flow);
     }
     for (uint32_t j = 0; j < scene->count; ++j) {
-        const float ds = ahead_by(scene, flow->station[j], station, j, block)[lane];
-        const float dy = left_by(scene, flow->y[j], y, j, block)[lane];
         const float width = scene->half_width[slot] + scene->half_width[j] + path_air;
-        if (j == slot || dy >= width || dy <= -width) {
+        const float dy = left_of(scene, slot, j, flow->y[slot], flow->y[j]);
+        const float ds = ahead_of(scene, slot, j, 1.0f, flow->station[slot], flow->station[j]);
+        if (fabs_of(dy) >= width || j == slot) {
             continue;
         }
         if (ds > 0.0f && ds < lead) {

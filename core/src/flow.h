@@ -4,10 +4,10 @@
 /// speed window of Eq. 2 and 3, lane keeping (KL) of uncontrolled vehicles by the IDM, the
 /// pruning of single and joint actions (section 3.1.3) and the three parts of R_i (3.1.4).
 ///
-/// Layout      Structure of arrays, eight vehicles a vector, the vehicles planned first. Every
-///             query ("who is ahead?") runs over the others one by one with four askers side by
-///             side, so that it ends without a search: the asker's lane of the vector holds the
-///             answer. Element-wise arithmetic only: the same bits on every machine.
+/// Layout      Structure of arrays, the vehicles planned first. Who is ahead, behind or beside is
+///             a scan of a few arrays that stay in the first cache: cheaper than any index up to
+///             the 64 vehicles there can be, and than vectors of four, whose selects cost more
+///             than the branches they save. The same bits on every machine.
 /// Cost        One step of 8 vehicles, 4 of them planned: see tools in README, verge-bench.
 #ifndef VG_FLOW_H
 #define VG_FLOW_H
@@ -22,10 +22,8 @@
 extern "C" {
 #endif
 
-#define VG_LANES 4u ///< vehicles in a vector: what SSE2 and NEON hold; wider ones gcc 12 splits badly
 #define VG_ALIGNED __attribute__((aligned(16)))
 
-static_assert(VERGE_VEHICLES_MAX % VG_LANES == 0, "whole vectors of vehicles");
 static_assert(VERGE_VEHICLES_MAX <= 64 && VERGE_LANES_MAX <= 64, "sets are 64-bit masks");
 
 /// All vehicles at one instant. Slots 0 .. controlled_count - 1 are planned.
@@ -53,7 +51,7 @@ typedef struct vg_moves {
     uint8_t legal[VERGE_CONTROLLED_MAX];             ///< set of actions (bits), never empty
 } vg_moves;
 
-/// How each vehicle (row: seen, column: the one who looks) appears on the other's axes. Kept
+/// How each vehicle (column) appears on the axes of the one who looks (row). Kept
 /// from step to step; only rows and columns of vehicles that changed lane are renewed.
 typedef struct vg_sight {
     VG_ALIGNED float offset[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];  ///< [m] add to station
@@ -67,19 +65,20 @@ typedef struct vg_sight {
 typedef struct vg_scene {
     const verge_planner_def* def;
     const verge_road* road;
-    uint32_t count, controlled_count, block_count;
+    uint32_t count, controlled_count;
     bool     plain;   ///< one bundle, no seams, no conflicts: stations compare as they are
     bool     rings;   ///< some relation has a period
     uint32_t input_index[VERGE_VEHICLES_MAX];  ///< in the step's sorted vehicles
     VG_ALIGNED float half_length[VERGE_VEHICLES_MAX]; ///< [m] with margin
     VG_ALIGNED float half_width[VERGE_VEHICLES_MAX];  ///< [m] with margin
     VG_ALIGNED float cruise[VERGE_VEHICLES_MAX];      ///< [m/s] the IDM's desired speed
-    VG_ALIGNED float self[VERGE_VEHICLES_MAX];        ///< [1] the slot's own number
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
     uint64_t good_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
     float    weight[VERGE_CONTROLLED_MAX];     ///< [1] of R_i in X_flow, Eq. 5; they sum to <= 1
     float    limit_share[VERGE_LANES_MAX];     ///< [m/s] cruise_share * speed limit
     float    limit[VERGE_LANES_MAX];           ///< [m/s]
+    float    reaction, headway;                       ///< [s] Eq. 2
+    float    per_reaction, per_headway, per_both;     ///< [1/s] inverses of these and of their sum
     vg_sight* sight;
 } vg_scene;
 

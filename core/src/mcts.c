@@ -39,7 +39,9 @@ typedef struct search {
     vg_tree*        tree;
     const vg_scene* scene;
     vg_random*      random;
-    vg_flow         flow[2]; // the simulation's state, double buffered
+    vg_flow         buffer[2];
+    vg_flow*        flow; // the simulation's state
+    vg_flow*        next; // and where it goes
     vg_moves        moves;
     vg_line         line;    // actions of the simulation under way
     vg_line         best;
@@ -161,10 +163,10 @@ void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_r
     tree->stride = state_size(scene->count, scene->controlled_count);
     search self = { .tree = tree, .scene = scene, .random = random, .best_reward = -1.0,
                     .report = &decision->report };
-    memset(self.flow, 0, sizeof self.flow);
+    self.flow = &self.buffer[0];
+    self.next = &self.buffer[1];
+    self.buffer[0] = self.buffer[1] = *root;
     memset(&self.moves, 0, sizeof self.moves);
-    memcpy(&self.flow[0], root, sizeof *root); // padding slots are set once and stay
-    memcpy(&self.flow[1], root, sizeof *root);
     (void)new_node(&self, none, NULL, root);
 
     const bool best = def->search == VERGE_SEARCH_BEST;
@@ -325,7 +327,7 @@ static bool next_joint_action(search* self, vg_metanode* node, uint8_t* actions)
         decode(self, node->joint_at, actions);
         node->joint_at = (node->joint_at + node->joint_stride) % product;
         node->joint_left--;
-        if (vg_flow_conflicts(self->scene, &self->flow[0], &self->moves, actions) == 0) {
+        if (vg_flow_conflicts(self->scene, self->flow, &self->moves, actions) == 0) {
             return true;
         }
         self->report->pruned++;
@@ -348,47 +350,36 @@ static bool repair(search* self, uint8_t* actions)
 {
     for (uint32_t tries = 0; tries < repair_tries_max; ++tries) {
         const uint32_t conflicts =
-            vg_flow_conflicts(self->scene, &self->flow[0], &self->moves, actions);
+            vg_flow_conflicts(self->scene, self->flow, &self->moves, actions);
         if (conflicts == 0) {
             return true;
         }
         draw(self, actions, conflicts);
     }
-    return vg_flow_conflicts(self->scene, &self->flow[0], &self->moves, actions) == 0;
+    return vg_flow_conflicts(self->scene, self->flow, &self->moves, actions) == 0;
 }
 
-// flow[0] moves on by these actions, which are noted in the line.
+// The flow moves on by these actions, which are noted in the line.
 static void step(search* self, const uint8_t* actions)
 {
     memcpy(self->line.actions[self->line.step_count++], actions, self->scene->controlled_count);
-    vg_flow_advance(self->scene, &self->flow[0], &self->moves, actions, &self->flow[1]);
-    const size_t vectors = self->scene->block_count * VG_LANES * sizeof(float);
-    vg_flow* to = &self->flow[0];
-    const vg_flow* from = &self->flow[1];
-    memcpy(to->station, from->station, vectors);
-    memcpy(to->d, from->d, vectors);
-    memcpy(to->v, from->v, vectors);
-    memcpy(to->lane, from->lane, vectors);
-    memcpy(to->y, from->y, vectors);
-    memcpy(to->rate, from->rate, vectors);
-    memcpy(to->left_gap, from->left_gap, vectors);
-    memcpy(to->right_gap, from->right_gap, vectors);
-    memcpy(to->credit, from->credit, sizeof to->credit);
-    memcpy(to->driven, from->driven, sizeof to->driven);
-    memcpy(to->previous, from->previous, sizeof to->previous);
+    vg_flow_advance(self->scene, self->flow, &self->moves, actions, self->next);
+    vg_flow* after = self->next;
+    self->next = self->flow;
+    self->flow = after;
 }
 
 static bool over(const search* self)
 {
     return self->line.step_count >= self->scene->def->steps
-           || vg_flow_terminal(self->scene, &self->flow[0]);
+           || vg_flow_terminal(self->scene, self->flow);
 }
 
 // The simulation's end: its reward, and the plan to keep if none was better.
 static double finish(search* self, bool whole)
 {
     const double reward =
-        vg_flow_reward(self->scene, &self->flow[0], self->line.step_count, whole);
+        vg_flow_reward(self->scene, self->flow, self->line.step_count, whole);
     self->report->iterations++;
     if (whole && reward > self->best_reward) {
         self->best = self->line;
@@ -403,7 +394,7 @@ static double simulate(search* self)
 {
     while (!over(self)) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
-        vg_flow_moves(self->scene, &self->flow[0], &self->moves);
+        vg_flow_moves(self->scene, self->flow, &self->moves);
         draw(self, actions, ~0u);
         if (!repair(self, actions)) {
             return finish(self, false);
@@ -442,11 +433,11 @@ static void iterate(search* self, int32_t root)
 {
     int32_t at = descend(self, root);
     vg_metanode* node = &self->tree->nodes[at];
-    load_state(self, at, &self->flow[0]);
+    load_state(self, at, self->flow);
     trace(self, at);
     if (!node->terminal) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
-        vg_flow_moves(self->scene, &self->flow[0], &self->moves);
+        vg_flow_moves(self->scene, self->flow, &self->moves);
         if (!node->opened) {
             open_node(self, node);
         }
@@ -454,7 +445,7 @@ static void iterate(search* self, int32_t root)
             self->report->unexpanded += node->joint_left > 0 ? 1u : 0u;
         } else if (next_joint_action(self, node, actions)) {
             step(self, actions);
-            at = new_node(self, at, actions, &self->flow[0]);
+            at = new_node(self, at, actions, self->flow);
         }
     }
     const double reward = simulate(self);
@@ -487,11 +478,11 @@ static uint8_t wish_of(const vg_line* wish, uint32_t step_index, uint32_t slot)
 // A whole plan, as near to the wish as the rules allow.
 static double simulate_line(search* self, const vg_flow* from, const vg_line* wish)
 {
-    memcpy(&self->flow[0], from, sizeof *from);
+    memcpy(self->flow, from, sizeof *from);
     self->line.step_count = 0;
     while (!over(self)) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
-        vg_flow_moves(self->scene, &self->flow[0], &self->moves);
+        vg_flow_moves(self->scene, self->flow, &self->moves);
         for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
             actions[i] =
                 nearest_legal(self->moves.legal[i], wish_of(wish, self->line.step_count, i));
@@ -520,7 +511,7 @@ static void mutate(search* self, vg_line* line)
 static void polish(search* self, uint32_t budget)
 {
     vg_flow root;
-    memcpy(&root, &self->flow[0], sizeof root);
+    memcpy(&root, self->flow, sizeof root);
     load_state(self, 0, &root);
     for (uint32_t k = 0; k < budget; ++k) {
         vg_line line = self->best;
@@ -542,23 +533,23 @@ static void polish(search* self, uint32_t budget)
 static void replay(search* self, const vg_line* line, vg_decision* decision)
 {
     const vg_scene* scene = self->scene;
-    load_state(self, 0, &self->flow[0]);
-    decision->flows[0] = self->flow[0];
+    load_state(self, 0, self->flow);
+    decision->flows[0] = *self->flow;
     self->line.step_count = 0;
     bool ended_early = false;
     for (uint32_t t = 0; t < scene->def->steps; ++t) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
-        vg_flow_moves(scene, &self->flow[0], &self->moves);
+        vg_flow_moves(scene, self->flow, &self->moves);
         for (uint32_t i = 0; i < scene->controlled_count; ++i) {
             actions[i] = nearest_legal(self->moves.legal[i], wish_of(line, t, i));
         }
-        if (!ended_early && vg_flow_terminal(scene, &self->flow[0])) {
+        if (!ended_early && vg_flow_terminal(scene, self->flow)) {
             ended_early = true;
-            self->report->reward = vg_flow_reward(scene, &self->flow[0], t, true);
+            self->report->reward = vg_flow_reward(scene, self->flow, t, true);
         }
-        const vg_flow before = self->flow[0];
+        const vg_flow before = *self->flow;
         step(self, actions);
-        decision->flows[t + 1u] = self->flow[0];
+        decision->flows[t + 1u] = *self->flow;
         for (uint32_t i = 0; i < scene->count; ++i) {
             const bool planned = i < scene->controlled_count;
             const uint32_t along = planned && actions[i] == VERGE_ACCELERATE ? 1u
@@ -569,12 +560,12 @@ static void replay(search* self, const vg_line* line, vg_decision* decision)
     decision->line = self->line;
     if (!ended_early) {
         self->report->reward =
-            vg_flow_reward(scene, &self->flow[0], self->line.step_count, true);
+            vg_flow_reward(scene, self->flow, self->line.step_count, true);
     }
     self->report->complete = true;
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         self->report->complete = self->report->complete
                                  && (scene->target[i] < 0
-                                     || vg_flow_in_target(scene, &self->flow[0], i));
+                                     || vg_flow_in_target(scene, self->flow, i));
     }
 }

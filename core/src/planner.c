@@ -23,6 +23,7 @@ static const double on_plan = 0.3;
 
 // What is kept from step to step.
 typedef struct memory {
+    uint64_t steps;   // stream of randomness of the next decision
     bool     valid;
     int64_t  utime;
     uint32_t count;
@@ -426,7 +427,7 @@ static bool decide(verge_planner* self, int64_t utime, uint32_t count)
     }
     vg_line warm;
     const bool warmed = remembers && known >= 0.0 && shift_last(self, scene, known, &warm);
-    vg_random random = vg_random_from(self->def.seed, self->counters.steps);
+    vg_random random = vg_random_from(self->def.seed, self->last.steps++);
     vg_mcts_run(self->tree, scene, self->root, &random, warmed ? &warm : NULL, self->decision);
     return true;
 }

@@ -40,7 +40,8 @@ vg_reference vg_lane_at(const vg_lane* lane, double s); ///< straight on beyond 
 double vg_path_project(const vg_path* path, double x, double y, double s_guess);
 double vg_lane_project(const vg_lane* lane, double x, double y, double s_guess);
 
-/// At standstill (speed < 1e-9) s_t = d_t = 0; s_tt and d_tt are the acceleration along the heading.
+/// At standstill (speed < 1e-9) s_t = d_t = 0; s_tt and d_tt are the acceleration along
+/// the heading.
 vg_frenet vg_frenet_from_motion(const vg_reference* at, double s, const vg_motion* motion);
 /// Where speed < 1e-6 heading and curvature come from heading_slow and are 0.
 vg_motion vg_motion_from_frenet(const vg_reference* at, const vg_frenet* frenet,

@@ -103,7 +103,8 @@ static void collect_behind(pieces* all, const struct verge_road* road, uint32_t 
         piece* added = &all->behind[all->behind_count];
         *added = (piece){ .lane = &road->lanes[lane] };
         const vg_reference own = vg_lane_at(added->lane, 0.0);
-        const double gap = (own.x - held.x) * held.cos_heading + (own.y - held.y) * held.sin_heading;
+        const double gap = (own.x - held.x) * held.cos_heading
+                           + (own.y - held.y) * held.sin_heading;
         added->start = end + vg_max(gap, 0.0);
         point_of(all, added->start, &x, &y); // straight on across a gap, with what has not faded
         held.x = x;
@@ -128,7 +129,8 @@ static void collect_before(pieces* all, const struct verge_road* road, uint32_t 
         piece* added = &all->before[all->before_count];
         *added = (piece){ .lane = &road->lanes[lane] };
         const vg_reference own = vg_lane_at(added->lane, added->lane->length);
-        const double gap = (held.x - own.x) * held.cos_heading + (held.y - own.y) * held.sin_heading;
+        const double gap = (held.x - own.x) * held.cos_heading
+                           + (held.y - own.y) * held.sin_heading;
         const double end = first->start - vg_max(gap, 0.0);
         added->start = end - added->lane->length;
         point_of(all, end, &x, &y);

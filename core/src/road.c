@@ -78,7 +78,8 @@ verge_lane_position verge_road_project(const verge_road* road, double x, double 
     return best;
 }
 
-verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_id, double x, double y)
+verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_id, double x,
+                                          double y)
 {
     const vg_lane* lane = lane_of(road, lane_id);
     if (lane == NULL || !vg_finite(x) || !vg_finite(y)) {

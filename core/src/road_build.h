@@ -56,7 +56,7 @@ void   vg_road_bundle(vg_road_draft* draft);        ///< stations, bins (road_bu
 void   vg_road_relate(vg_road_draft* draft);        ///< relations (road_relate.c)
 size_t vg_road_relate_scratch_size(const verge_road_def* def);
 void   vg_road_route(vg_road_draft* draft);         ///< route tables (road_route.c)
-bool   vg_road_conflict(vg_road_draft* draft);      ///< conflicts (road_conflict.c); false: too many
+bool   vg_road_conflict(vg_road_draft* draft);      ///< (road_conflict.c); false: too many
 
 /// Lane `other` runs within `limit` metres of `lane` here, as seen along `lane`.
 typedef struct vg_run {

@@ -61,7 +61,8 @@ verge_lane_position verge_road_project(const verge_road* road, double x, double 
                                        int32_t prefer_lane);
 
 /// The same on one given lane, wherever the point is (s may be < 0 or beyond the lane's length).
-verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_id, double x, double y);
+verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_id, double x,
+                                          double y);
 
 /// Position and direction of (s, d) on a lane: Eq. 6 for a body that moves along the lane.
 void verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,

@@ -42,7 +42,7 @@ static void  longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_m
 static void  lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
 static void  human_moves(const vg_scene* scene, const vg_flow* flow, float dt, float* station_to,
                             float* v_to, float* y_to);
-static uint8_t legal_moves(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot);
+static void  keep_window(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot);
 static void  settle(const vg_scene* scene, const vg_flow* flow, vg_flow* next, uint32_t slot,
                        uint8_t action);
 static void  earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot,
@@ -286,6 +286,15 @@ INLINE bool in_sight(const vg_scene* scene, const vg_flow* flow, uint32_t i, uin
 
 void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
 {
+    vg_flow_outline(scene, flow, moves);
+    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
+        (void)vg_flow_may_change(scene, flow, moves, i, VERGE_CHANGE_LEFT);
+        (void)vg_flow_may_change(scene, flow, moves, i, VERGE_CHANGE_RIGHT);
+    }
+}
+
+void vg_flow_outline(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
+{
     if (!scene->plain) {
         renew_sight(scene, flow);
     }
@@ -293,7 +302,7 @@ void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
     lateral_moves(scene, flow, moves);
     human_moves(scene, flow, (float)scene->def->step_s, moves->station[0], moves->v[0], moves->y[0]);
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
-        moves->legal[i] = legal_moves(scene, flow, moves, i);
+        keep_window(scene, flow, moves, i);
     }
 }
 
@@ -498,18 +507,25 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     return (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u);
 }
 
-// Does a change fit the window among those in both lanes it touches?
-static bool change_fits(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot,
-                        uint32_t side)
+// Does the change fit the window among those in both lanes it touches?
+bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot,
+                        uint8_t action)
 {
-    const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
-                          moves->station[0], moves->v[0], nowhere);
-    return fits(margins_of(scene, &w, scene->half_length[slot], flow->v[slot], 0.0f));
+    const uint8_t bit = (uint8_t)(1u << action);
+    if ((moves->open[slot] & bit) != 0) {
+        const uint32_t side = action == VERGE_CHANGE_LEFT ? 1u : 2u;
+        const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
+                              moves->station[0], moves->v[0], nowhere);
+        const bool legal = fits(margins_of(scene, &w, scene->half_length[slot], flow->v[slot], 0.0f));
+        moves->open[slot] = (uint8_t)(moves->open[slot] & ~bit);
+        moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
+    }
+    return (moves->legal[slot] & bit) != 0;
 }
 
 // The single pruning of section 3.1.3. Everyone's neighbours are taken at the same instant as
 // the new state, t + 1, planned ones at their present speed.
-static uint8_t legal_moves(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot)
+static void keep_window(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot)
 {
     const float station = moves->station[0][slot], rate = flow->rate[slot];
     const float half = scene->half_length[slot];
@@ -530,14 +546,8 @@ static uint8_t legal_moves(const vg_scene* scene, const vg_flow* flow, const vg_
     if (legal == 0) {
         legal = least_harm(ks, ac, dc);
     }
-    const uint32_t wanted = changes_allowed(scene, flow, &keep, slot);
-    for (uint32_t side = 1; side <= 2; ++side) {
-        const uint32_t bit = 1u << (side == 1 ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT);
-        if ((wanted & bit) != 0 && change_fits(scene, flow, moves, slot, side)) {
-            legal |= bit;
-        }
-    }
-    return (uint8_t)legal;
+    moves->legal[slot] = (uint8_t)legal;
+    moves->open[slot] = (uint8_t)changes_allowed(scene, flow, &keep, slot);
 }
 
 // ---------------------------------------------------------------------------- joint actions

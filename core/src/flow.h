@@ -49,6 +49,7 @@ typedef struct vg_moves {
     VG_ALIGNED float v[3][VERGE_VEHICLES_MAX];       ///< after KS, AC, DC
     VG_ALIGNED float y[3][VERGE_VEHICLES_MAX];       ///< keeping, changing left, changing right
     uint8_t legal[VERGE_CONTROLLED_MAX];             ///< set of actions (bits), never empty
+    uint8_t open[VERGE_CONTROLLED_MAX];              ///< changes (bits) wanted but not looked at yet
 } vg_moves;
 
 /// How each vehicle (column) appears on the axes of the one who looks (row). Kept
@@ -95,8 +96,16 @@ void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def,
                    vg_sight* sight, const verge_vehicle* vehicles, const vg_placed* placed,
                    uint32_t vehicle_count, const uint8_t* previous);
 
-/// Every vehicle's moves from here, each legal on its own.
+/// Every vehicle's moves from here, each legal on its own; nothing is left open.
 void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
+
+/// The same, with the look into other lanes left for later: a simulation draws one action in a
+/// handful, so most changes never need it.
+void vg_flow_outline(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
+
+/// Looks whether an open change is legal, and moves it to the legal ones if so.
+bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot,
+                        uint8_t action);
 
 /// Which planned vehicles (bits) would come too close to another on these actions' ways.
 uint32_t vg_flow_conflicts(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,

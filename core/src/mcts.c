@@ -12,13 +12,15 @@ enum {
     joint_tries_max = 32,  // joint actions looked at for one expansion
     repair_tries_max = 4,  // new draws for vehicles in conflict, in a simulation
     table_size = 4096,     // visits with tabulated logarithm and root
+    trail_count = 2,       // states along the best plan, and along the one under way
+    trail_length = VERGE_STEPS_MAX + 1,
 };
 
 // 64 bytes and the product's walk; the state stands beside it, packed for this scene's counts.
 typedef struct vg_metanode {
     int32_t  parent, first_child, next_sibling;
     uint32_t visits;
-    double   value_sum;
+    double   mean; // of the rewards backed up: X-bar of Eq. 1
     uint64_t joint_left;   // joint actions not yet looked at
     uint64_t joint_at;     // number of the next one
     uint32_t joint_stride; // coprime to the product of the legal sets' sizes
@@ -46,13 +48,14 @@ typedef struct search {
     vg_line         line;    // actions of the simulation under way
     vg_line         best;
     double          best_reward;
+    uint32_t        trail; // 0 or 1: which trail is the best plan's
     verge_search_report* report;
 } search;
 
 static void   search_tree(search* self, uint32_t budget);
 static void   iterate(search* self, int32_t root);
 static void   polish(search* self, uint32_t budget);
-static double simulate_line(search* self, const vg_flow* from, const vg_line* wish);
+static double simulate_line(search* self, uint32_t from, const vg_line* wish);
 static void   replay(search* self, const vg_line* line, vg_decision* decision);
 
 // ---------------------------------------------------------------------------- the pool
@@ -73,7 +76,8 @@ vg_tree* vg_tree_take(vg_arena* arena, const verge_planner_def* def)
     const size_t nodes = def->nodes_max;
     vg_tree* tree = vg_arena_take(arena, sizeof *tree);
     vg_metanode* pool = vg_arena_take(arena, nodes * sizeof *pool);
-    uint8_t* states = vg_arena_take(arena, nodes * state_size(def->vehicles_max, def->controlled_max));
+    const size_t slots = nodes + trail_count * trail_length;
+    uint8_t* states = vg_arena_take(arena, slots * state_size(def->vehicles_max, def->controlled_max));
     double* log_of = vg_arena_take(arena, table_size * sizeof *log_of);
     double* inverse_root = vg_arena_take(arena, table_size * sizeof *inverse_root);
     if (tree == NULL || pool == NULL || states == NULL || log_of == NULL || inverse_root == NULL) {
@@ -99,10 +103,16 @@ static const uint8_t* get(const uint8_t* from, void* to, size_t size)
     return from + size;
 }
 
-static void save(const search* self, int32_t node, const vg_flow* flow)
+// Behind the nodes' states stand those of the two trails.
+static uint32_t trail_slot(const search* self, uint32_t trail, uint32_t step_index)
+{
+    return self->tree->nodes_max + trail * trail_length + step_index;
+}
+
+static void save(const search* self, uint32_t slot, const vg_flow* flow)
 {
     const size_t count = self->scene->count, planned = self->scene->controlled_count;
-    uint8_t* to = self->tree->states + (size_t)node * self->tree->stride;
+    uint8_t* to = self->tree->states + (size_t)slot * self->tree->stride;
     to = put(to, flow->station, count * sizeof(float));
     to = put(to, flow->d, count * sizeof(float));
     to = put(to, flow->v, count * sizeof(float));
@@ -114,10 +124,10 @@ static void save(const search* self, int32_t node, const vg_flow* flow)
     }
 }
 
-static void load_state(const search* self, int32_t node, vg_flow* flow)
+static void load_state(const search* self, uint32_t slot, vg_flow* flow)
 {
     const size_t count = self->scene->count, planned = self->scene->controlled_count;
-    const uint8_t* from = self->tree->states + (size_t)node * self->tree->stride;
+    const uint8_t* from = self->tree->states + (size_t)slot * self->tree->stride;
     from = get(from, flow->station, count * sizeof(float));
     from = get(from, flow->d, count * sizeof(float));
     from = get(from, flow->v, count * sizeof(float));
@@ -148,7 +158,7 @@ static int32_t new_node(search* self, int32_t parent, const uint8_t* actions, co
     }
     node->terminal = node->depth >= self->scene->def->steps || vg_flow_terminal(self->scene, flow);
     self->report->depth = node->depth > self->report->depth ? node->depth : self->report->depth;
-    save(self, at, flow);
+    save(self, (uint32_t)at, flow);
     return at;
 }
 
@@ -174,7 +184,7 @@ void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_r
     double warm_reward = -1.0;
     vg_line kept = { .step_count = 0 };
     if (best && warm != NULL) {
-        (void)simulate_line(&self, root, warm);
+        (void)simulate_line(&self, 0, warm);
         warm_reward = self.best_reward; // -1 where the line failed on the way: nothing to keep
         kept = self.best;
     }
@@ -207,10 +217,9 @@ static int32_t greedy_child(const vg_tree* tree, int32_t node)
     uint32_t best_visits = 0;
     for (int32_t c = tree->nodes[node].first_child; c != none; c = tree->nodes[c].next_sibling) {
         const vg_metanode* child = &tree->nodes[c];
-        const double mean = child->value_sum / (double)child->visits;
-        if (mean > best_mean || (mean == best_mean && child->visits > best_visits)) {
+        if (child->mean > best_mean || (child->mean == best_mean && child->visits > best_visits)) {
             best = c;
-            best_mean = mean;
+            best_mean = child->mean;
             best_visits = child->visits;
         }
     }
@@ -263,7 +272,7 @@ static int32_t uct_child(const search* self, const vg_metanode* node)
         const vg_metanode* child = &tree->nodes[c];
         const uint32_t n = child->visits;
         const double root = n < table_size ? tree->inverse_root[n] : 1.0 / vg_sqrt((double)n);
-        const double value = child->value_sum / (double)n + scale * root;
+        const double value = child->mean + scale * root;
         if (value > best_value) {
             best = c;
             best_value = value;
@@ -335,12 +344,24 @@ static bool next_joint_action(search* self, vg_metanode* node, uint8_t* actions)
     return false;
 }
 
+// Is the action legal? Looks into the other lane if that was left for later.
+static bool legal(search* self, uint32_t slot, uint8_t action)
+{
+    return ((self->moves.legal[slot] >> action) & 1u) != 0
+           || (((self->moves.open[slot] >> action) & 1u) != 0
+               && vg_flow_may_change(self->scene, self->flow, &self->moves, slot, action));
+}
+
+// Uniform over the legal set: what proves illegal is drawn again.
 static void draw(search* self, uint8_t* actions, uint32_t which)
 {
     for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
-        if (((which >> i) & 1u) != 0) {
-            const uint8_t legal = self->moves.legal[i];
-            actions[i] = member_of(legal, vg_random_below(self->random, size_of(legal)));
+        for (uint32_t tries = 0; ((which >> i) & 1u) != 0 && tries <= VERGE_ACTION_COUNT; ++tries) {
+            const uint8_t set = self->moves.legal[i] | self->moves.open[i];
+            actions[i] = member_of(set, vg_random_below(self->random, size_of(set)));
+            if (legal(self, i, actions[i])) {
+                break;
+            }
         }
     }
 }
@@ -394,7 +415,7 @@ static double simulate(search* self)
 {
     while (!over(self)) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
-        vg_flow_moves(self->scene, self->flow, &self->moves);
+        vg_flow_outline(self->scene, self->flow, &self->moves);
         draw(self, actions, ~0u);
         if (!repair(self, actions)) {
             return finish(self, false);
@@ -433,7 +454,7 @@ static void iterate(search* self, int32_t root)
 {
     int32_t at = descend(self, root);
     vg_metanode* node = &self->tree->nodes[at];
-    load_state(self, at, self->flow);
+    load_state(self, (uint32_t)at, self->flow);
     trace(self, at);
     if (!node->terminal) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
@@ -450,23 +471,24 @@ static void iterate(search* self, int32_t root)
     }
     const double reward = simulate(self);
     for (; at != none; at = self->tree->nodes[at].parent) {
-        self->tree->nodes[at].visits++;
-        self->tree->nodes[at].value_sum += reward;
+        vg_metanode* node = &self->tree->nodes[at];
+        node->visits++;
+        node->mean += (reward - node->mean) / (double)node->visits;
     }
 }
 
 // ---------------------------------------------------------------------------- polish
 
-// What is legal and nearest to the wish: the wish, else KS, DC, AC, else the lowest.
-static uint8_t nearest_legal(uint8_t legal, uint8_t wish)
+// What is legal and nearest to the wish: the wish, else KS, DC, AC.
+static uint8_t nearest_legal(search* self, uint32_t slot, uint8_t wish)
 {
     const uint8_t order[] = { wish, VERGE_KEEP_SPEED, VERGE_DECELERATE, VERGE_ACCELERATE };
     for (uint32_t k = 0; k < sizeof order; ++k) {
-        if (((legal >> order[k]) & 1u) != 0) {
+        if (legal(self, slot, order[k])) {
             return order[k];
         }
     }
-    return (uint8_t)__builtin_ctz(legal);
+    return VERGE_KEEP_SPEED; // not reached: something in the lane is always legal
 }
 
 static uint8_t wish_of(const vg_line* wish, uint32_t step_index, uint32_t slot)
@@ -475,28 +497,59 @@ static uint8_t wish_of(const vg_line* wish, uint32_t step_index, uint32_t slot)
                                          : (uint8_t)VERGE_KEEP_SPEED;
 }
 
-// A whole plan, as near to the wish as the rules allow.
-static double simulate_line(search* self, const vg_flow* from, const vg_line* wish)
+// One step of a plan, as near to the wish as the rules allow. False: it cannot go on.
+static bool follow(search* self, const vg_line* wish)
 {
-    memcpy(self->flow, from, sizeof *from);
-    self->line.step_count = 0;
-    while (!over(self)) {
-        uint8_t actions[VERGE_CONTROLLED_MAX];
-        vg_flow_moves(self->scene, self->flow, &self->moves);
-        for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
-            actions[i] =
-                nearest_legal(self->moves.legal[i], wish_of(wish, self->line.step_count, i));
-        }
-        if (!repair(self, actions)) {
-            return finish(self, false);
-        }
-        step(self, actions);
+    uint8_t actions[VERGE_CONTROLLED_MAX];
+    vg_flow_outline(self->scene, self->flow, &self->moves);
+    for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
+        actions[i] = nearest_legal(self, i, wish_of(wish, self->line.step_count, i));
     }
-    return finish(self, true);
+    if (!repair(self, actions)) {
+        return false;
+    }
+    step(self, actions);
+    return true;
 }
 
-// One vehicle does one thing over one stretch of steps.
-static void mutate(search* self, vg_line* line)
+// A whole plan: up to step `from` the best one's, whose states are at hand, then the wish's.
+static double simulate_line(search* self, uint32_t from, const vg_line* wish)
+{
+    const uint32_t own = 1u - self->trail;
+    const double before = self->best_reward;
+    load_state(self, from == 0 ? 0u : trail_slot(self, self->trail, from), self->flow);
+    self->line = self->best;
+    self->line.step_count = from;
+    while (!over(self)) {
+        if (!follow(self, wish)) {
+            return finish(self, false);
+        }
+        save(self, trail_slot(self, own, self->line.step_count), self->flow);
+    }
+    const double reward = finish(self, true);
+    if (self->best_reward > before) { // the new best: its trail begins as the old one's did
+        const size_t stride = self->tree->stride;
+        memcpy(self->tree->states + trail_slot(self, own, 0) * stride,
+               self->tree->states + trail_slot(self, self->trail, 0) * stride,
+               (size_t)(from + 1u) * stride);
+        self->trail = own;
+    }
+    return reward;
+}
+
+// Puts the states along the best plan, found in the tree, on its trail.
+static void retrace(search* self)
+{
+    load_state(self, 0, self->flow);
+    self->line.step_count = 0;
+    while (self->line.step_count < self->best.step_count && follow(self, &self->best)) {
+        save(self, trail_slot(self, self->trail, self->line.step_count), self->flow);
+    }
+    self->best.step_count = self->line.step_count;
+}
+
+// One vehicle does one thing over one stretch of steps. Returns the first step.
+static uint32_t mutate(search* self, vg_line* line)
 {
     const uint32_t steps = self->scene->def->steps;
     const uint32_t slot = vg_random_below(self->random, self->scene->controlled_count);
@@ -506,24 +559,29 @@ static void mutate(search* self, vg_line* line)
     for (uint32_t t = from; t < from + length; ++t) {
         line->actions[t][slot] = action;
     }
+    return from;
+}
+
+static uint32_t fewer(uint32_t a, uint32_t b)
+{
+    return a < b ? a : b;
 }
 
 static void polish(search* self, uint32_t budget)
 {
-    vg_flow root;
-    memcpy(&root, self->flow, sizeof root);
-    load_state(self, 0, &root);
+    const uint32_t steps = self->scene->def->steps;
+    retrace(self);
     for (uint32_t k = 0; k < budget; ++k) {
         vg_line line = self->best;
-        for (uint32_t t = line.step_count; t < self->scene->def->steps; ++t) {
+        for (uint32_t t = line.step_count; t < steps; ++t) {
             memset(line.actions[t], VERGE_KEEP_SPEED, sizeof line.actions[t]);
         }
-        line.step_count = self->scene->def->steps;
-        mutate(self, &line);
+        line.step_count = steps;
+        uint32_t from = mutate(self, &line);
         if (k % 4u == 3u) {
-            mutate(self, &line);
+            from = fewer(from, mutate(self, &line));
         }
-        (void)simulate_line(self, &root, &line);
+        (void)simulate_line(self, fewer(from, self->best.step_count), &line);
     }
 }
 
@@ -541,7 +599,7 @@ static void replay(search* self, const vg_line* line, vg_decision* decision)
         uint8_t actions[VERGE_CONTROLLED_MAX];
         vg_flow_moves(scene, self->flow, &self->moves);
         for (uint32_t i = 0; i < scene->controlled_count; ++i) {
-            actions[i] = nearest_legal(self->moves.legal[i], wish_of(line, t, i));
+            actions[i] = nearest_legal(self, i, wish_of(line, t, i));
         }
         if (!ended_early && vg_flow_terminal(scene, self->flow)) {
             ended_early = true;

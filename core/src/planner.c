@@ -71,7 +71,9 @@ static void           report(verge_planner* self, int64_t utime, uint32_t count,
 // Space before the road takes what the road's fit needs only while it is built.
 static verge_road* build_road(vg_arena* arena, const verge_planner_def* def, size_t* scratch_size)
 {
-    *scratch_size = vg_road_scratch_size(&def->road);
+    const size_t fit = vg_road_scratch_size(&def->road);
+    *scratch_size = (fit + VG_ARENA_ALIGN - 1u) / VG_ARENA_ALIGN * VG_ARENA_ALIGN;
+    const size_t whole = arena->size;
     vg_arena scratch;
     if (arena->base == NULL) {
         vg_arena_init(&scratch, NULL, 0);
@@ -82,10 +84,12 @@ static verge_road* build_road(vg_arena* arena, const verge_planner_def* def, siz
             arena->failed = true;
             return NULL;
         }
-        const size_t from = (end - *scratch_size) / VG_ARENA_ALIGN * VG_ARENA_ALIGN;
-        vg_arena_init(&scratch, arena->base + from, end - from);
+        const size_t from = end - *scratch_size;
+        vg_arena_init(&scratch, arena->base + from, *scratch_size);
+        arena->size = from; // the road ends where its scratch begins
     }
     verge_road* road = vg_road_build(arena, &scratch, &def->road);
+    arena->size = whole;
     arena->failed = arena->failed || scratch.failed;
     return road;
 }
@@ -147,7 +151,7 @@ size_t verge_planner_memory_size(const verge_planner_def* def)
     if (!measure(def, &road, &scratch, &rest)) {
         return 0;
     }
-    return road + (rest > scratch ? rest : scratch) + VG_ARENA_ALIGN;
+    return road + (rest > scratch ? rest : scratch);
 }
 
 void verge_planner_memory_terms(const verge_planner_def* def, verge_memory_term terms[VERGE_MEMORY_TERMS])

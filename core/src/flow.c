@@ -418,25 +418,19 @@ static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, fl
                         float* v_to, float* y_to)
 {
     const float per_closing = 0.5f / (float)scene->def->idm_comfort;
-    const uint32_t parts = 1u + (uint32_t)dt; // in steps beyond a second the IDM hits who stands
-    const float part = dt / (float)parts;
     for (uint32_t i = scene->controlled_count; i < scene->count; ++i) {
         const window w =
             look(scene, flow, i, flow->station[i], flow->y[i], flow->station, flow->v, nowhere);
         const float per_desired = 1.0f / scene->cruise[i];
         const float gap = w.gap_l - scene->half_length[i];
-        float v = flow->v[i], way = 0.0f;
+        const float v = flow->v[i];
         const float v_lead = w.gap_l < 0.5f * nowhere ? w.v_l : v; // free road: nobody closes in
-        for (uint32_t k = 0; k < parts; ++k) {
-            const float room = gap + v_lead * ((float)k * part) - way;
-            const float a = idm(scene->def, per_closing, v, per_desired, room, v_lead);
-            const float v1 = v + a * part;
-            // One who stops goes no farther than to the stop.
-            way += v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * part);
-            v = most(v1, 0.0f);
-        }
+        const float a = idm(scene->def, per_closing, v, per_desired, gap, v_lead);
+        const float v1 = v + a * dt;
+        // One who stops goes no farther than to the stop.
+        const float way = v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
         station_to[i] = flow->station[i] + way / flow->rate[i];
-        v_to[i] = v;
+        v_to[i] = most(v1, 0.0f);
         y_to[i] = flow->y[i];
     }
 }

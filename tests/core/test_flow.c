@@ -672,8 +672,8 @@ static void doing_the_right_thing_steadily_earns_everything(void** state)
 {
     (void)state;
     stage* at = stage_open(2, 2000.0);
-    stage_add(at, true, 0, 100.0, 0.0, 10.0, 0);
-    stage_add(at, true, 1, 100.0, 0.0, 10.0, -1);
+    stage_add(at, true, 0, 100.0, 0.0, STAGE_LIMIT, 0);
+    stage_add(at, true, 1, 100.0, 0.0, STAGE_LIMIT, -1);
     at->def.target_distance = 1000.0;
     stage_begin(at);
     const uint8_t keep[2] = { VERGE_KEEP_SPEED, VERGE_KEEP_SPEED };

@@ -170,8 +170,6 @@ static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed)
 {
     vg_random random = vg_random_from(seed, 7);
     const uint32_t count = planned + humans;
-    uint8_t previous[VERGE_VEHICLES_MAX];
-    memset(previous, VERGE_ACTION_COUNT, sizeof previous);
     for (uint32_t i = 0; i < count; ++i) {
         verge_vehicle* v = &self->vehicles[i];
         vg_placed* at = &self->placed[i];
@@ -192,7 +190,7 @@ static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed)
         }
     }
     vg_scene_from(&self->scene, &self->root, &self->def, self->road, &self->sight, self->vehicles,
-                  self->placed, count, previous);
+                  self->placed, count);
 }
 
 // ---------------------------------------------------------------------------- search

@@ -32,7 +32,7 @@ static const float change_slope = 0.5f;
 // A leader this near, and slower than this share of the pace below which steps earn less, is
 // worth a change away from the target. [m], [1]
 static const float overtake_sight = 60.0f;
-static const float overtake_pace = 0.7f;
+static const float overtake_pace = 0.35f;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;
 
@@ -126,7 +126,7 @@ static bool is_plain(const vg_scene* scene, const vg_flow* flow)
 
 void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
                    vg_sight* sight, const verge_vehicle* vehicles, const vg_placed* placed,
-                   uint32_t vehicle_count, const uint8_t* previous)
+                   uint32_t vehicle_count)
 {
     VERGE_ASSERT(vehicle_count <= VERGE_VEHICLES_MAX);
     memset(scene, 0, sizeof *scene);
@@ -143,8 +143,7 @@ void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def,
             place(scene, flow, &vehicles[i], &placed[i], i, slot);
             if (pass == 0) {
                 intend(scene, &vehicles[i], slot);
-                flow->previous[slot] =
-                    previous[i] < VERGE_ACTION_COUNT ? previous[i] : (uint8_t)VERGE_KEEP_SPEED;
+                flow->previous[slot] = VERGE_ACTION_COUNT;
                 scene->controlled_count++;
             }
         }
@@ -794,7 +793,7 @@ static void earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, ui
         credit += (float)def->reward_lane * share * (pace < 1.0f ? pace : 1.0f);
         driven = before->driven[slot] + next->v[slot] * (float)def->step_s;
     }
-    if (action == before->previous[slot]) {
+    if (action == before->previous[slot] || before->previous[slot] == VERGE_ACTION_COUNT) {
         credit += (float)def->reward_consistency * share;
     }
     next->credit[slot] = credit;

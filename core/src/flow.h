@@ -40,7 +40,7 @@ typedef struct vg_flow {
     // What the planned ones have earned so far.
     float   credit[VERGE_CONTROLLED_MAX];   ///< [1] of lane and consistency parts of R_i
     float   driven[VERGE_CONTROLLED_MAX];   ///< [m] in the target lane
-    uint8_t previous[VERGE_CONTROLLED_MAX]; ///< action that led here
+    uint8_t previous[VERGE_CONTROLLED_MAX]; ///< action that led here; VERGE_ACTION_COUNT: none yet
 } vg_flow;
 
 /// What each vehicle could do from one flow. Uncontrolled ones have one move, in KS's place.
@@ -90,11 +90,10 @@ typedef struct vg_placed {
     double   s, d;  ///< [m] of the centre
 } vg_placed;
 
-/// Scene and first flow from vehicles sorted by id. previous[i] (VERGE_ACTION_COUNT: none) is
-/// the action vehicle i was last told. Vehicles off the road take no part.
+/// Scene and first flow from vehicles sorted by id. Vehicles off the road take no part.
 void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
                    vg_sight* sight, const verge_vehicle* vehicles, const vg_placed* placed,
-                   uint32_t vehicle_count, const uint8_t* previous);
+                   uint32_t vehicle_count);
 
 /// Every vehicle's moves from here, each legal on its own; nothing is left open.
 void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);

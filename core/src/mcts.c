@@ -562,14 +562,30 @@ static uint32_t mutate(search* self, vg_line* line)
     return from;
 }
 
+// The k-th of the plain variations: one vehicle does one thing from a step on to the end.
+static uint32_t vary(const search* self, uint32_t k, vg_line* line)
+{
+    const uint32_t steps = self->scene->def->steps;
+    const uint32_t action = k % VERGE_ACTION_COUNT;
+    const uint32_t from = k / VERGE_ACTION_COUNT % steps;
+    const uint32_t slot = k / VERGE_ACTION_COUNT / steps;
+    for (uint32_t t = from; t < steps; ++t) {
+        line->actions[t][slot] = (uint8_t)action;
+    }
+    return from;
+}
+
 static uint32_t fewer(uint32_t a, uint32_t b)
 {
     return a < b ? a : b;
 }
 
+// First all plain variations, as far as a third of the budget reaches, then random ones.
 static void polish(search* self, uint32_t budget)
 {
     const uint32_t steps = self->scene->def->steps;
+    const uint32_t plain =
+        fewer(budget / 3u, self->scene->controlled_count * steps * VERGE_ACTION_COUNT);
     retrace(self);
     for (uint32_t k = 0; k < budget; ++k) {
         vg_line line = self->best;
@@ -577,8 +593,8 @@ static void polish(search* self, uint32_t budget)
             memset(line.actions[t], VERGE_KEEP_SPEED, sizeof line.actions[t]);
         }
         line.step_count = steps;
-        uint32_t from = mutate(self, &line);
-        if (k % 4u == 3u) {
+        uint32_t from = k < plain ? vary(self, k, &line) : mutate(self, &line);
+        if (k >= plain && k % 4u == 3u) {
             from = fewer(from, mutate(self, &line));
         }
         (void)simulate_line(self, fewer(from, self->best.step_count), &line);

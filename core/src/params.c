@@ -85,9 +85,9 @@ verge_planner_def verge_planner_default_def(void)
         .reward_target = 0.5, // findings/paper.md: the paper gives no weights
         .reward_lane = 0.3,
         .reward_consistency = 0.2,
-        .cruise_share = 0.5,
+        .cruise_share = 1.0,
         .target_distance = 20.0,
-        .switch_margin = 0.01,
+        .switch_margin = 0.001,
         .idm_gap = 2.0, // findings/paper.md, from the authors' prototype, to idm_comfort
         .idm_headway_s = 1.0,
         .idm_acceleration = 0.6,

@@ -417,15 +417,9 @@ static bool decide(verge_planner* self, int64_t utime, uint32_t count)
     const double age = (double)(utime - self->last.utime) * 1e-6;
     const double known = age >= 0.0 && age < 100.0 ? age : -1.0;
     const bool remembers = self->def.search == VERGE_SEARCH_BEST;
-    uint8_t previous[VERGE_VEHICLES_MAX];
-    for (uint32_t i = 0; i < count; ++i) {
-        previous[i] = remembers ? remembered_action(&self->last, self->vehicles[i].id, known,
-                                                    self->def.step_s)
-                                : (uint8_t)VERGE_ACTION_COUNT;
-    }
     vg_scene* scene = self->scene;
     vg_scene_from(scene, self->root, &self->def, self->road, self->sight, self->vehicles,
-                  self->placed, count, previous);
+                  self->placed, count);
     if (scene->controlled_count == 0) {
         return false;
     }
@@ -634,12 +628,10 @@ void verge_planner_advance_humans(verge_planner* self, verge_vehicle* vehicles, 
             .on_road = lane >= 0, .lane = lane >= 0 ? (uint32_t)lane : 0u, .s = at.s, .d = at.d
         };
     }
-    uint8_t previous[VERGE_VEHICLES_MAX];
-    memset(previous, VERGE_ACTION_COUNT, sizeof previous);
     vg_flow next;
     vg_scene* scene = self->scene;
     vg_scene_from(scene, self->root, &self->def, self->road, self->sight, self->vehicles,
-                  self->placed, count, previous);
+                  self->placed, count);
     vg_flow_follow(scene, self->root, dt, &next);
     for (uint32_t slot = scene->controlled_count; slot < scene->count; ++slot) {
         const uint32_t i = scene->input_index[slot];

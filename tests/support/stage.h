@@ -32,7 +32,6 @@ typedef struct stage {
     uint32_t count;
     verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     vg_placed placed[VERGE_VEHICLES_MAX];
-    uint8_t previous[VERGE_VEHICLES_MAX];
     vg_sight sight;
     vg_scene scene;
     vg_flow root;
@@ -106,14 +105,13 @@ static inline verge_vehicle* stage_add(stage* at, bool planned, uint32_t lane, d
     at->vehicles[i].speed = v;
     at->vehicles[i].target_lane = target;
     at->placed[i] = (vg_placed){ .on_road = true, .lane = lane, .s = s, .d = d };
-    at->previous[i] = VERGE_ACTION_COUNT;
     return &at->vehicles[i];
 }
 
 static inline void stage_begin(stage* at)
 {
     vg_scene_from(&at->scene, &at->root, &at->def, at->road, &at->sight, at->vehicles, at->placed,
-                  at->count, at->previous);
+                  at->count);
     assert_int_equal(at->scene.count, at->count);
 }
 

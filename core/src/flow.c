@@ -33,6 +33,9 @@ static const float change_slope = 0.5f;
 // worth a change away from the target. [m], [1]
 static const float overtake_sight = 60.0f;
 static const float overtake_pace = 0.35f;
+// What a lane is worth from which n changes lead to the target: this / n. The paper rewards the
+// target lane only; then nobody would set out for one that lies beyond the horizon. [1]
+static const float nearness_one_change = 0.25f;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;
 
@@ -92,6 +95,12 @@ static void intend(vg_scene* scene, const verge_vehicle* vehicle, uint32_t slot)
         }
     }
     scene->good_lanes[slot] = good;
+    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
+        const uint8_t changes =
+            target < 0 ? 0 : road->changes[lane * road->lane_count + (uint32_t)target];
+        scene->nearness[slot][lane] = ((good >> lane) & 1u) != 0 ? 1.0f
+                                      : changes == 255 ? 0.0f : nearness_one_change / (float)changes;
+    }
 }
 
 // Eq. 5 is linear in the R_j: X_flow = sum_j weight_j R_j.
@@ -782,15 +791,26 @@ static void settle(const vg_scene* scene, const vg_flow* flow, vg_flow* next, ui
     note_place(next, slot, place);
 }
 
+// How near to the target a vehicle is that keeps to its lane's centre. [1] 0 .. 1
+static float worth(const vg_scene* scene, const vg_flow* flow, uint32_t slot)
+{
+    return fabs_of(flow->d[slot]) <= reached_offset ? scene->nearness[slot][flow->lane[slot]] : 0.0f;
+}
+
+// Speed in parts of what the lane asks for, see cruise_share. [1] 0 .. 1
+static float pace_of(const vg_scene* scene, const vg_flow* flow, uint32_t slot)
+{
+    return least(flow->v[slot] / scene->limit_share[flow->lane[slot]], 1.0f);
+}
+
 static void earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot, uint8_t action)
 {
     const verge_planner_def* def = scene->def;
     const float share = 1.0f / (float)def->steps;
     float credit = before->credit[slot];
     float driven = 0.0f;
+    credit += (float)def->reward_lane * share * worth(scene, next, slot) * pace_of(scene, next, slot);
     if (vg_flow_in_target(scene, next, slot)) {
-        const float pace = next->v[slot] / scene->limit_share[next->lane[slot]];
-        credit += (float)def->reward_lane * share * (pace < 1.0f ? pace : 1.0f);
         driven = before->driven[slot] + next->v[slot] * (float)def->step_s;
     }
     if (action == before->previous[slot] || before->previous[slot] == VERGE_ACTION_COUNT) {
@@ -831,12 +851,10 @@ double vg_flow_reward(const vg_scene* scene, const vg_flow* flow, uint32_t step,
     double sum = 0.0;
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         double reward = (double)flow->credit[i];
-        if (whole && vg_flow_in_target(scene, flow, i)) {
-            const double pace = (double)(flow->v[i] / scene->limit_share[flow->lane[i]]);
-            reward += def->reward_target + def->reward_lane * rest * vg_min(pace, 1.0);
-        }
         if (whole) {
-            reward += def->reward_consistency * rest;
+            const double pace = (double)pace_of(scene, flow, i);
+            reward += (def->reward_target + def->reward_lane * rest * pace) * (double)worth(scene, flow, i)
+                      + def->reward_consistency * rest;
         }
         sum += (double)scene->weight[i] * reward;
     }

@@ -75,6 +75,7 @@ typedef struct vg_scene {
     VG_ALIGNED float cruise[VERGE_VEHICLES_MAX];      ///< [m/s] the IDM's desired speed
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
     uint64_t good_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
+    float    nearness[VERGE_CONTROLLED_MAX][VERGE_LANES_MAX]; ///< [1] 1 on a good lane, less before it
     float    weight[VERGE_CONTROLLED_MAX];     ///< [1] of R_i in X_flow, Eq. 5; they sum to <= 1
     float    limit_share[VERGE_LANES_MAX];     ///< [m/s] cruise_share * speed limit
     float    limit[VERGE_LANES_MAX];           ///< [m/s]

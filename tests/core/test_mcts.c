@@ -4,7 +4,7 @@
 
 #include "../../core/src/mcts.c"
 
-enum { arena_size = 16 << 20 };
+enum { arena_size = 24 << 20, many_nodes = 60000 };
 
 typedef struct played {
     stage* at;
@@ -90,7 +90,10 @@ static void the_best_plan_seen_is_the_best_of_all_plans(void** state)
     uint32_t solved = 0;
     for (uint32_t k = 0; k < test_rounds(60); ++k) {
         small_scene(self->at, &rng);
-        self->at->def.iterations = 12000;
+        self->at->def.iterations = 60000; // more than there are plans
+        self->at->def.nodes_max = many_nodes;
+        self->at->def.vehicles_max = 8;
+        self->at->def.controlled_max = 2;
         self->at->def.search = VERGE_SEARCH_BEST;
         const double optimum = best_of_all(self->at, &self->at->root, 0);
         const double found = run(self, k, NULL);

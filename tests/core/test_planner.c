@@ -597,9 +597,10 @@ static void nothing_new_means_the_same_actions(void** state)
     verge_planner_def def = def_on(&under);
     def.iterations = 1000;
     const built on = build(&def);
-    verge_vehicle vehicles[3] = { vehicle_at(1, true, 0, 100.0, 10.0, 1),
-                                  vehicle_at(2, true, 1, 60.0, 10.0, -1),
-                                  vehicle_at(3, true, 2, 90.0, 10.0, -1) };
+    // At the speed limit: a change of lanes is all there is to do.
+    verge_vehicle vehicles[3] = { vehicle_at(1, true, 0, 100.0, 15.0, 1),
+                                  vehicle_at(2, true, 1, 40.0, 15.0, -1),
+                                  vehicle_at(3, true, 2, 90.0, 15.0, -1) };
     must_step(on.planner, 0, vehicles, 3);
     verge_action now[3];
     uint32_t switches = 0;
@@ -615,8 +616,7 @@ static void nothing_new_means_the_same_actions(void** state)
             now[i] = plan.vehicles[i].actions[0].action;
         }
     }
-    // One change of lanes and nothing else to do: it begins once and ends once.
-    CHECK_AT_MOST(switches, 6);
+    CHECK_AT_MOST(switches, 2); // it begins once and ends once
     CHECK_NEAR(vehicles[0].y, lane_width, 0.5);
     CHECK_NEAR(vehicles[1].y, lane_width, 0.5);
     CHECK_NEAR(vehicles[2].y, 2 * lane_width, 0.5);

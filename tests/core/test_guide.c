@@ -1,0 +1,162 @@
+// Action steps and segments against the decision's flows they are read from.
+#include "stage.h"
+
+#include "guide.h"
+
+enum { arena_size = 4 << 20 };
+
+static vg_decision decision;
+static verge_vehicle_plan plan;
+static vg_job job;
+static uint8_t memory[arena_size] __attribute__((aligned(64)));
+
+static void decide(stage* at, uint64_t seed)
+{
+    at->def.iterations = 300;
+    at->def.nodes_max = 512;
+    vg_arena arena;
+    vg_arena_init(&arena, memory, sizeof memory);
+    vg_tree* tree = vg_tree_take(&arena, &at->def);
+    assert_non_null(tree);
+    vg_random random = vg_random_from(seed, 0);
+    vg_mcts_run(tree, &at->scene, &at->root, &random, NULL, &decision);
+}
+
+static void action_steps_are_the_decisions_step_by_step(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("action steps");
+    stage* at = stage_open(4, 2000.0);
+    int32_t ids[VERGE_VEHICLES_MAX];
+    for (int32_t i = 0; i < VERGE_VEHICLES_MAX; ++i) {
+        ids[i] = 100 + i;
+    }
+    for (uint32_t k = 0; k < test_rounds(100); ++k) {
+        stage_fill(at, &rng, 1 + test_rng_below(&rng, 5), test_rng_below(&rng, 5), 100.0, 300.0,
+                   15.0);
+        decide(at, k);
+        for (uint32_t slot = 0; slot < at->scene.controlled_count; ++slot) {
+            vg_guide_actions(&at->scene, &decision, slot, ids, &plan);
+            assert_int_equal(plan.action_count, at->def.steps);
+            for (uint32_t t = 0; t < plan.action_count; ++t) {
+                const verge_action_step* step = &plan.actions[t];
+                const vg_flow* after = &decision.flows[t + 1];
+                assert_int_equal(step->action, decision.line.actions[t][slot]);
+                assert_int_equal(step->lane_id, after->lane[slot]);
+                CHECK_NEAR(step->s, after->station[slot], 1e-3);
+                CHECK_NEAR(step->d, after->d[slot], 1e-6);
+                CHECK_NEAR(step->v, after->v[slot], 1e-6);
+                CHECK_NEAR(step->t1 - step->t0, at->def.step_s, 1e-12);
+                assert_int_equal(step->turn_signal, (step->action == VERGE_CHANGE_LEFT)
+                                                        - (step->action == VERGE_CHANGE_RIGHT));
+                assert_int_equal(step->brake_light, step->action == VERGE_DECELERATE);
+                int32_t ahead = -1, behind = -1;
+                vg_flow_neighbours(&at->scene, after, slot, &ahead, &behind);
+                assert_int_equal(step->ahead_id, ahead < 0 ? -1 : 100 + ahead);
+                assert_int_equal(step->behind_id, behind < 0 ? -1 : 100 + behind);
+            }
+        }
+    }
+    stage_close(at);
+}
+
+/// Lateral position and station a segment aims at, and those of the flow at the same instant.
+static void check_aim(const vg_segment* segment, const vg_flow* end, uint32_t slot)
+{
+    CHECK_NEAR(segment->v, end->v[slot], 1e-4);
+    CHECK_NEAR(segment->s, end->station[slot], 0.02);
+    if (segment->action == VERGE_CHANGE_LEFT || segment->action == VERGE_CHANGE_RIGHT) {
+        CHECK_NEAR(STAGE_WIDTH * segment->lane + segment->d,
+                   STAGE_WIDTH * end->lane[slot] + end->d[slot], 1e-3);
+    } else {
+        CHECK_NEAR(segment->d, 0.0, 0.0); // keeping a lane is keeping its centre
+    }
+}
+
+static void segments_are_the_runs_of_equal_actions_and_fill_the_horizon(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("segments");
+    stage* at = stage_open(4, 2000.0);
+    for (uint32_t k = 0; k < test_rounds(200); ++k) {
+        at->def.points = 11 + test_rng_below(&rng, 21);
+        at->def.step_s = k % 2 == 0 ? 1.5 : test_rng_between(&rng, 0.5, 2.0);
+        const double horizon = (at->def.points - 1) * at->def.point_s;
+        stage_fill(at, &rng, 1 + test_rng_below(&rng, 4), test_rng_below(&rng, 4), 100.0, 300.0,
+                   20.0);
+        decide(at, k);
+        for (uint32_t slot = 0; slot < at->scene.controlled_count; ++slot) {
+            vg_guide_segments(&at->scene, &decision, slot, &job);
+            assert_true(job.segment_count > 0);
+            for (uint32_t n = 0; n < job.segment_count; ++n) {
+                const vg_segment* segment = &job.segments[n];
+                CHECK_NEAR(segment->t0, n == 0 ? 0.0 : job.segments[n - 1].t1, 0.0);
+                assert_true(segment->t1 > segment->t0 && segment->v >= 0.0);
+                assert_true(n == 0 || segment->action != job.segments[n - 1].action);
+                const uint32_t first = (uint32_t)(segment->t0 / at->def.step_s + 0.5);
+                const double steps = segment->t1 / at->def.step_s;
+                assert_int_equal(segment->action, decision.line.actions[first][slot]);
+                if (fabs(steps - floor(steps + 0.5)) < 1e-9) {
+                    check_aim(segment, &decision.flows[(uint32_t)(steps + 0.5)], slot);
+                }
+            }
+            CHECK_NEAR(job.segments[job.segment_count - 1].t1, horizon, 1e-12);
+        }
+    }
+    stage_close(at);
+}
+
+static void a_change_cut_by_the_horizon_aims_at_its_part_of_the_way(void** state)
+{
+    (void)state;
+    stage* at = stage_open(2, 2000.0);
+    at->def.points = 16; // 1.5 s of trajectory, the whole change takes 3 s
+    stage_add(at, true, 0, 100.0, 0.0, 10.0, 1);
+    stage_begin(at);
+    decide(at, 1);
+    memset(decision.line.actions, VERGE_KEEP_SPEED, sizeof decision.line.actions);
+    decision.line.actions[0][0] = decision.line.actions[1][0] = VERGE_CHANGE_LEFT;
+    decision.flows[0] = at->root;
+    for (uint32_t t = 0; t < at->def.steps; ++t) {
+        decision.flows[t + 1] = decision.flows[t];
+        stage_step(at, &decision.flows[t + 1], decision.line.actions[t]);
+        decision.way[t][0] = decision.flows[t + 1].station[0] - decision.flows[t].station[0];
+    }
+    vg_guide_segments(&at->scene, &decision, 0, &job);
+    assert_int_equal(job.segment_count, 1);
+    assert_int_equal(job.segments[0].lane, 1); // the lane changed to is the reference
+    CHECK_NEAR(job.segments[0].d, -2.0, 1e-3);
+    CHECK_NEAR(job.segments[0].s, 115.0, 0.02);
+    at->def.points = 31;
+    vg_guide_segments(&at->scene, &decision, 0, &job);
+    assert_int_equal(job.segment_count, 1);
+    assert_int_equal(job.segments[0].lane, 1);
+    CHECK_NEAR(job.segments[0].d, 0.0, 1e-3);
+    stage_close(at);
+}
+
+static void off_the_road_the_steps_slow_down_to_a_stop(void** state)
+{
+    (void)state;
+    const verge_planner_def def = verge_planner_default_def();
+    verge_vehicle vehicle = verge_vehicle_default();
+    vehicle.speed = 2.0;
+    vg_guide_off_road(&def, &vehicle, &plan);
+    assert_int_equal(plan.action_count, def.steps);
+    for (uint32_t t = 0; t < plan.action_count; ++t) {
+        const double expected = fmax(0.0, 2.0 - 0.6 * 1.5 * (t + 1));
+        CHECK_NEAR(plan.actions[t].v, expected, 1e-12);
+        assert_true(plan.actions[t].brake_light && plan.actions[t].lane_id == VERGE_NO_LANE);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(action_steps_are_the_decisions_step_by_step),
+        cmocka_unit_test(segments_are_the_runs_of_equal_actions_and_fill_the_horizon),
+        cmocka_unit_test(a_change_cut_by_the_horizon_aims_at_its_part_of_the_way),
+        cmocka_unit_test(off_the_road_the_steps_slow_down_to_a_stop),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -556,9 +556,8 @@ static void the_nearest_in_the_path_are_ahead_and_behind(void** state)
 typedef struct story {
     uint32_t steps;
     uint8_t actions[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
-    double lane_offset[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
     double v[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
-    bool in_target[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
+    double worth[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX]; // of the lane, to one with this target
 } story;
 
 static void tell(const stage* at, const vg_flow* flow, const uint8_t* actions, story* to)
@@ -568,7 +567,9 @@ static void tell(const stage* at, const vg_flow* flow, const uint8_t* actions, s
         const int32_t target = at->vehicles[i].target_lane;
         to->actions[t][i] = actions[i];
         to->v[t][i] = flow->v[i];
-        to->in_target[t][i] = (target < 0 || flow->lane[i] == target) && fabsf(flow->d[i]) <= 0.5f;
+        const int changes = target < 0 ? 0 : abs(flow->lane[i] - target);
+        const bool centred = fabsf(flow->d[i]) <= 0.5f;
+        to->worth[t][i] = !centred ? 0.0 : changes == 0 ? 1.0 : 0.25 / changes;
     }
 }
 
@@ -580,11 +581,10 @@ static double reward_of(const stage* at, const story* of, uint32_t i)
     double lane = 0.0, same = 0.0;
     for (uint32_t t = 0; t < def->steps; ++t) {
         const uint32_t told = t < of->steps ? t : of->steps - 1u;
-        const uint8_t before = t == 0 ? VERGE_KEEP_SPEED : of->actions[t - 1u][i];
-        lane += of->in_target[told][i] ? fmin(1.0, of->v[told][i] / pace) : 0.0;
-        same += t >= of->steps || of->actions[t][i] == before ? 1.0 : 0.0;
+        lane += of->worth[told][i] * fmin(1.0, of->v[told][i] / pace);
+        same += t == 0 || t >= of->steps || of->actions[t][i] == of->actions[t - 1u][i] ? 1.0 : 0.0;
     }
-    return (of->in_target[of->steps - 1u][i] ? def->reward_target : 0.0)
+    return def->reward_target * of->worth[of->steps - 1u][i]
            + def->reward_lane * lane / def->steps + def->reward_consistency * same / def->steps;
 }
 

@@ -136,19 +136,19 @@ static body later(const stage* at, uint32_t j)
     if (j < at->scene.controlled_count) {
         return (body){ now.s + now.v * dt, now.y, now.v };
     }
-    double lead = INFINITY, lead_v = 0.0, gap = INFINITY;
+    double lead_v = now.v, gap = INFINITY; // to the nearest tail
     for (uint32_t k = 0; k < at->count; ++k) {
         const double ds = flow->station[k] - now.s;
         const double half_widths = at->scene.half_width[k] + at->scene.half_width[j];
-        if (k != j && ds > 0.0 && ds < lead
+        const double to_tail = ds - at->scene.half_length[k] - at->scene.half_length[j];
+        if (k != j && ds > 0.0 && to_tail < gap
             && fabs(lateral(flow, k) - now.y) < half_widths + path_air) {
-            lead = ds;
             lead_v = flow->v[k];
-            gap = ds - at->scene.half_length[k] - at->scene.half_length[j];
+            gap = to_tail;
         }
     }
     const double desired = fmax(fmax(STAGE_LIMIT, at->vehicles[j].speed), 1.0);
-    const double a = idm_by_hand(&at->def, now.v, desired, gap, lead == INFINITY ? now.v : lead_v);
+    const double a = idm_by_hand(&at->def, now.v, desired, gap, lead_v);
     if (now.v + a * dt < 0.0) { // stops on the way
         return (body){ now.s + now.v * now.v / (-2.0 * a), now.y, 0.0 };
     }

@@ -627,6 +627,10 @@ void verge_planner_advance_humans(verge_planner* self, verge_vehicle* vehicles, 
         self->placed[i] = (vg_placed){
             .on_road = lane >= 0, .lane = lane >= 0 ? (uint32_t)lane : 0u, .s = at.s, .d = at.d
         };
+        if (lane < 0 && !v->controlled) { // as predicted: straight on
+            vehicles[i].x += v->speed * dt * vg_cos(v->heading);
+            vehicles[i].y += v->speed * dt * vg_sin(v->heading);
+        }
     }
     vg_flow next;
     vg_scene* scene = self->scene;

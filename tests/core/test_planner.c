@@ -629,15 +629,17 @@ static void humans_are_advanced_as_they_are_predicted(void** state)
     road under;
     const verge_planner_def def = def_on(&under);
     const built on = build(&def);
-    verge_vehicle vehicles[3] = { vehicle_at(1, true, 0, 120.0, 3.0, -1),
+    verge_vehicle vehicles[4] = { vehicle_at(1, true, 0, 120.0, 3.0, -1),
                                   vehicle_at(2, false, 0, 90.0, 9.0, -1),
-                                  vehicle_at(3, false, 2, 90.0, 9.0, -1) };
-    must_step(on.planner, 0, vehicles, 3);
-    verge_vehicle advanced[3];
+                                  vehicle_at(3, false, 2, 90.0, 9.0, -1),
+                                  vehicle_at(4, false, 50, 90.0, 9.0, -1) };
+    vehicles[3].heading = 1.0; // off the road
+    must_step(on.planner, 0, vehicles, 4);
+    verge_vehicle advanced[4];
     memcpy(advanced, vehicles, sizeof vehicles);
-    verge_planner_advance_humans(on.planner, advanced, 3, def.point_s);
+    verge_planner_advance_humans(on.planner, advanced, 4, def.point_s);
     assert_memory_equal(&advanced[0], &vehicles[0], sizeof vehicles[0]);
-    for (uint32_t i = 0; i < 2; ++i) {
+    for (uint32_t i = 0; i < 3; ++i) {
         CHECK_NEAR(advanced[i + 1].x, plan.predictions[i].points[1].x, 1e-4);
         CHECK_NEAR(advanced[i + 1].y, plan.predictions[i].points[1].y, 1e-4);
     }

@@ -598,6 +598,10 @@ static bool too_close(const vg_scene* scene, const vg_flow* flow, const chosen* 
     const float length = scene->half_length[i] + scene->half_length[j];
     const float width = scene->half_width[i] + scene->half_width[j];
     const float ex = length + joint_air_along, ey = width + joint_air_across;
+    if (!scene->plain && flow->station[i] <= scene->sight->touch[i][j]) {
+        // Their lanes come close in this step only: how near they were on one axis says nothing.
+        return crosses(x0, y0, x1, y1, ex, ey);
+    }
     if (fabs_of(x0) < length && fabs_of(y0) < width) {
         return fabs_of(x1) < length && fabs_of(y1) < width && fabs_of(x1) <= fabs_of(x0)
                && fabs_of(y1) <= fabs_of(y0);

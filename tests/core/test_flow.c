@@ -2,8 +2,11 @@
 // and 3, the IDM, conflicts by brute force, and R_i with Eq. 4 and 5.
 #include "stage.h"
 
+#include "frenet.h"
+
 #define WIDTH STAGE_WIDTH
-static const double path_air = 0.4; // flow.c: bodies with this much air between count as in the path
+// As in flow.c: bodies with this much air between them count as in the path. [m]
+static const double path_air = 0.4;
 
 static double lateral(const vg_flow* flow, uint32_t slot)
 {
@@ -309,7 +312,8 @@ static void humans_follow_the_idm_behind_the_nearest_vehicle_in_their_path(void*
             CHECK_NEAR(moves.v[0][j], expected.v, 1e-3);
             CHECK_NEAR(moves.y[0][j], expected.y, 1e-4);
         }
-        const double v = test_rng_between(&rng, 0.0, 30.0), gap = test_rng_between(&rng, -5.0, 90.0);
+        const double v = test_rng_between(&rng, 0.0, 30.0);
+        const double gap = test_rng_between(&rng, -5.0, 90.0);
         const double lead = test_rng_between(&rng, 0.0, 30.0);
         CHECK_NEAR(vg_idm_acceleration(&at->def, v, 20.0, gap, lead),
                    idm_by_hand(&at->def, v, 20.0, gap, lead), 1e-9);
@@ -456,7 +460,7 @@ static void random_pair(stage* at, test_rng* rng, bool second_planned)
     stage_clear(at);
     stage_add(at, true, test_rng_below(rng, 3), 200.0, test_rng_between(rng, -2.0, 2.0),
               test_rng_between(rng, 0.0, 30.0), -1);
-    stage_add(at, second_planned, test_rng_below(rng, 3), 200.0 + test_rng_between(rng, -50.0, 50.0),
+    stage_add(at, second_planned, test_rng_below(rng, 3), test_rng_between(rng, 150.0, 250.0),
               test_rng_between(rng, -2.0, 2.0), test_rng_between(rng, 0.0, 30.0), -1);
     at->vehicles[0].length = test_rng_between(rng, 3.0, 12.0);
     at->vehicles[1].margin = test_rng_below(rng, 2) == 0 ? 0.0 : test_rng_between(rng, 0.0, 0.5);
@@ -517,6 +521,71 @@ static void changing_into_each_others_lanes_is_a_conflict(void** state)
         assert_int_equal(vg_flow_conflicts(&at->scene, &at->root, &moves, swap), 3);
         assert_int_equal(vg_flow_conflicts(&at->scene, &at->root, &moves, stay), 0);
     }
+    stage_close(at);
+}
+
+typedef struct pose {
+    double x, y;
+} pose;
+
+static pose centre_of(const stage* at, const vg_flow* flow, uint32_t slot)
+{
+    const vg_lane* lane = &at->road->lanes[flow->lane[slot]];
+    const vg_reference here = vg_lane_at(lane, vg_lane_s(lane, flow->station[slot]));
+    return (pose){ here.x - flow->d[slot] * here.sin_heading,
+                   here.y + flow->d[slot] * here.cos_heading };
+}
+
+/// A ramp (lane 1) that comes to a straight lane (0) at x = 200; both go on as lane 2.
+static stage* open_merge(void)
+{
+    static const double ramp[6][2] = { { 0, -40 },  { 50, -25 }, { 100, -12 },
+                                       { 140, -5 }, { 170, -1 }, { 200, 0 } };
+    stage* at = stage_open(3, 200.0);
+    for (uint32_t i = 0; i < 3; ++i) {
+        at->lanes[i].left = at->lanes[i].right = VERGE_NO_LANE;
+        at->lanes[i].successor_count = i < 2;
+        at->lanes[i].successors[0] = 2;
+    }
+    at->lanes[1].points = ramp;
+    at->lanes[1].point_count = 6;
+    at->points[2][0][0] = 200.0;
+    at->points[2][1][0] = 600.0;
+    at->points[2][0][1] = at->points[2][1][1] = 0.0;
+    stage_build(at);
+    return at;
+}
+
+static void who_meets_where_lanes_merge_has_a_conflict_first(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("merge");
+    stage* at = open_merge();
+    uint32_t met = 0;
+    for (uint32_t k = 0; k < test_rounds(400); ++k) {
+        stage_clear(at);
+        stage_add(at, true, 0, test_rng_between(&rng, 60.0, 120.0), 0.0,
+                  test_rng_between(&rng, 6.0, 12.0), -1);
+        stage_add(at, true, 1, test_rng_between(&rng, 60.0, 120.0), 0.0,
+                  test_rng_between(&rng, 6.0, 12.0), -1);
+        stage_begin(at);
+        bool conflict = false;
+        for (uint32_t t = 0; t < 12 && !conflict; ++t) { // both keep their speeds
+            const uint8_t keep[2] = { VERGE_KEEP_SPEED, VERGE_KEEP_SPEED };
+            vg_moves moves;
+            memset(&moves, 0, sizeof moves);
+            vg_flow_moves(&at->scene, &at->root, &moves);
+            conflict = vg_flow_conflicts(&at->scene, &at->root, &moves, keep) != 0;
+            stage_step(at, &at->root, keep);
+            const pose a = centre_of(at, &at->root, 0), b = centre_of(at, &at->root, 1);
+            const double apart = hypot(a.x - b.x, a.y - b.y);
+            met += conflict;
+            if (!conflict) {
+                CHECK_BETWEEN(apart, 2.0, 1000.0); // bodies are 2 m wide: nearer they overlap
+            }
+        }
+    }
+    assert_true(test_rounds(100) < 100 || met > 50);
     stage_close(at);
 }
 
@@ -631,7 +700,8 @@ static void the_reward_is_equation_5_over_the_three_parts_of_each_vehicle(void**
     stage* at = stage_open(3, 2000.0);
     uint32_t early = 0;
     for (uint32_t k = 0; k < test_rounds(5000); ++k) {
-        stage_fill(at, &rng, 1 + test_rng_below(&rng, 5), test_rng_below(&rng, 4), 100.0, 250.0, 8.0);
+        stage_fill(at, &rng, 1 + test_rng_below(&rng, 5), test_rng_below(&rng, 4), 100.0, 250.0,
+                   8.0);
         story of;
         play(at, &rng, &of);
         const double reward = vg_flow_reward(&at->scene, &at->root, of.steps, true);
@@ -723,6 +793,7 @@ int main(void)
         cmocka_unit_test(lanes_shorter_than_a_step_are_passed_in_one),
         cmocka_unit_test(conflicts_are_those_of_bodies_moved_in_small_steps),
         cmocka_unit_test(changing_into_each_others_lanes_is_a_conflict),
+        cmocka_unit_test(who_meets_where_lanes_merge_has_a_conflict_first),
         cmocka_unit_test(the_nearest_in_the_path_are_ahead_and_behind),
         cmocka_unit_test(the_reward_is_equation_5_over_the_three_parts_of_each_vehicle),
         cmocka_unit_test(equal_cooperation_of_whatever_size_gives_the_mean),

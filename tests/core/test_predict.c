@@ -24,8 +24,8 @@ static void decide(stage* at, uint64_t seed)
 static void predict(stage* at)
 {
     memset(&tracks, 0x5a, sizeof tracks);
-    vg_predict_tracks(&tracks, &at->scene, &at->root, at->scene.controlled_count > 0 ? &decision : NULL,
-                      at->vehicles, at->placed, at->count);
+    const vg_decision* decided = at->scene.controlled_count > 0 ? &decision : NULL;
+    vg_predict_tracks(&tracks, &at->scene, &at->root, decided, at->vehicles, at->placed, at->count);
     assert_int_equal(tracks.count, at->count);
 }
 

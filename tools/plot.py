@@ -23,6 +23,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 
+from road_lines import Frame, Lane, painted_lines
+
 FIGURE_WIDTH = 13.0     # [in]
 SIDE = 0.62             # [in] left of every panel
 LEGEND = 1.55           # [in] right of the speed panel
@@ -30,7 +32,6 @@ ROAD_HEIGHT_MAX = 7.0   # [in] one row of road
 MARK_S = 2.0            # [s] between two drawn bodies
 MARGIN = 9.0            # [m] of road shown before and after the paths
 MARGIN_SIDE = 3.5       # [m] shown beside the road, room for words
-RESAMPLE = 1.0          # [m] between points of a lane edge
 
 # Okabe and Ito's palette first: told apart by everyone, also in grey.
 COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#7B3294", "#8C510A",
@@ -70,24 +71,6 @@ class Track:
         return found
 
 
-class Frame:
-    """Turns the map so that a long straight run lies level and is driven to the right."""
-
-    def __init__(self, points, forward):
-        self.angle = 0.0
-        centred = points - points.mean(axis=0)
-        _, size, axes = np.linalg.svd(centred, full_matrices=False)
-        if size[0] > 4.0 * size[1]:
-            axis = axes[0] if axes[0] @ forward >= 0.0 else -axes[0]
-            angle = math.atan2(axis[1], axis[0])
-            self.angle = angle if abs(angle) > math.radians(12.0) else 0.0
-        c, s = math.cos(self.angle), math.sin(self.angle)
-        self.matrix = np.array([[c, -s], [s, c]])
-
-    def turn(self, points):
-        return points @ self.matrix
-
-
 class Run:
     """Everything the picture needs from a run file."""
 
@@ -124,36 +107,6 @@ class Run:
         self.t_end = max(t.t[-1] for t in self.tracks.values())
 
 
-class Lane:
-    """A lane's centreline and edges at even spacing."""
-
-    def __init__(self, data, frame):
-        self.id, self.width = data["id"], data["width"]
-        self.left, self.right = data.get("left"), data.get("right")
-        points = frame.turn(np.array(data["centerline"], dtype=float))
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-        count = max(2, int(way[-1] / RESAMPLE) + 1)
-        at = np.linspace(0.0, way[-1], count)
-        self.centre = np.column_stack([np.interp(at, way, points[:, k]) for k in (0, 1)])
-        tangent = np.gradient(self.centre, axis=0)
-        tangent /= np.hypot(*tangent.T)[:, None]
-        self.normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-
-    def edge(self, side):
-        return self.centre + side * 0.5 * self.width * self.normal
-
-    def distance(self, points):
-        """From each point to the centreline, and whether it lies beside it (not past an end)."""
-        apart = np.hypot(points[:, None, 0] - self.centre[None, :, 0],
-                         points[:, None, 1] - self.centre[None, :, 1])
-        nearest = apart.argmin(axis=1)
-        away = points - self.centre[nearest]
-        forward = away[:, 0] * self.normal[nearest, 1] - away[:, 1] * self.normal[nearest, 0]
-        past = ((nearest == 0) & (forward < -0.5)) | (
-            (nearest == len(self.centre) - 1) & (forward > 0.5))
-        return apart.min(axis=1), ~past
-
-
 def view_of(run):
     """(x0, x1, y0, y1): where the controlled vehicles drive, with a margin."""
     paths = np.vstack([t.xy for t in run.controlled or run.humans])
@@ -184,44 +137,17 @@ def rows_of(view):
 
 # --- the road -----------------------------------------------------------------------------------
 
-def runs_of(mask):
-    """Stretches [first, last] of a mask that are true, at least two points long."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2]) if b - a >= 2]
-
-
 def draw_road(axes, lanes):
     for lane in lanes:
-        outline = np.vstack([lane.edge(1.0), lane.edge(-1.0)[::-1]])
-        axes.add_patch(Polygon(outline, closed=True, facecolor=ASPHALT, edgecolor=ASPHALT,
+        axes.add_patch(Polygon(lane.outline(), closed=True, facecolor=ASPHALT, edgecolor=ASPHALT,
                                linewidth=0.8, zorder=1))
-    by_id = {lane.id: lane for lane in lanes}
-    for lane in lanes:
-        for side, name in ((1.0, lane.left), (-1.0, lane.right)):
-            draw_edge(axes, lane, lane.edge(side), by_id.get(name), side, lanes)
+    dashed, solid = painted_lines(lanes)
+    for line in dashed:
+        axes.plot(*line.T, color=PAINT, linewidth=1.1, dashes=(7, 6), zorder=2)
+    for line in solid:
+        axes.plot(*line.T, color=EDGE, linewidth=1.3, solid_capstyle="butt", zorder=2)
 
 
-def draw_edge(axes, lane, edge, neighbour, side, lanes):
-    """Dashed where the neighbour runs beside, solid elsewhere, nothing inside another lane."""
-    beside = np.zeros(len(edge), dtype=bool)
-    if neighbour is not None:
-        apart, along = neighbour.distance(lane.centre)
-        usual = 0.5 * (lane.width + neighbour.width)
-        beside = (apart > usual - 0.9) & (apart < usual + 1.2) & along
-    covered = np.zeros(len(edge), dtype=bool)
-    for other in lanes:
-        if other is not lane and other is not neighbour:
-            apart, along = other.distance(edge)
-            covered |= (apart < 0.5 * other.width - 0.15) & along
-    merged = covered.copy()  # the neighbour's own area counts only where it is not beside
-    if neighbour is not None:
-        apart, along = neighbour.distance(edge)
-        merged |= (apart < 0.5 * neighbour.width - 0.15) & along
-    if side > 0.0 or neighbour is None:  # a shared line is drawn once, by the lane to its right
-        for a, b in runs_of(beside & ~covered):
-            axes.plot(*edge[a:b].T, color=PAINT, linewidth=1.1, dashes=(7, 6), zorder=2)
-    for a, b in runs_of(~beside & ~merged):
-        axes.plot(*edge[a:b].T, color=EDGE, linewidth=1.3, solid_capstyle="butt", zorder=2)
 
 
 # --- vehicles -----------------------------------------------------------------------------------

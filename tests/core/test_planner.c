@@ -160,7 +160,8 @@ static void memory_that_is_null_or_not_aligned_is_refused(void** state)
     uint8_t* memory = aligned_alloc(64, (size + 127) / 64 * 64);
     verge_planner* planner = (verge_planner*)memory;
     for (uint32_t shift = 1; shift < 64; shift *= 2) {
-        assert_int_equal(verge_planner_init(&planner, &def, memory + shift, size), VERGE_ERR_MEMORY);
+        const verge_status status = verge_planner_init(&planner, &def, memory + shift, size);
+        assert_int_equal(status, VERGE_ERR_MEMORY);
         assert_null(planner);
     }
     assert_int_equal(verge_planner_init(&planner, &def, NULL, size), VERGE_ERR_MEMORY);
@@ -673,7 +674,8 @@ static void sentences_say_what_a_step_does_and_fit_their_space(void** state)
 static void bodies_touch_as_rectangles_do(void** state)
 {
     (void)state;
-    verge_vehicle a = vehicle_at(1, true, 0, 0.0, 0.0, -1), b = vehicle_at(2, true, 0, 5.5, 0.0, -1);
+    const verge_vehicle a = vehicle_at(1, true, 0, 0.0, 0.0, -1);
+    verge_vehicle b = vehicle_at(2, true, 0, 5.5, 0.0, -1);
     assert_false(verge_vehicles_overlap(&a, &b));
     CHECK_NEAR(verge_vehicles_distance(&a, &b), 0.5, 1e-9);
     b.margin = 0.6;

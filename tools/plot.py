@@ -148,8 +148,6 @@ def draw_road(axes, lanes):
         axes.plot(*line.T, color=EDGE, linewidth=1.3, solid_capstyle="butt", zorder=2)
 
 
-
-
 # --- vehicles -----------------------------------------------------------------------------------
 
 def corners(track, index, x0, x1, y0, y1):

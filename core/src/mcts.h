@@ -6,10 +6,11 @@
 /// never materialised. Joint actions with a conflict are skipped before expansion.
 ///
 /// Two modes. PAPER: UCT (Eq. 1), the root moves to its best child step by step, the budget is
-/// split over the steps as 1/(t/2 + 1), the plan is the greedy child of each layer. BEST: half
-/// of the budget as in PAPER, the other half polishes the best complete plan seen, one or two
-/// vehicles at a time; the payoff is common and the model deterministic, so the best plan ever
-/// simulated is the plan (findings/search.md section 5). The last cycle's plan takes part.
+/// split over the steps as 1/(t/2 + 1), the plan is the greedy child of each layer. BEST: a fifth
+/// of the budget as in PAPER, the rest polishes the best complete plan seen, one or two vehicles
+/// at a time, those first that do not arrive yet; the payoff is common and the model
+/// deterministic, so the best plan ever simulated is the plan (findings/search.md section 5).
+/// The last cycle's plan takes part.
 #ifndef VG_MCTS_H
 #define VG_MCTS_H
 

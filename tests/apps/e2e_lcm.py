@@ -196,7 +196,7 @@ def without_a_bus_it_says_what_to_do_and_exits_69(rig):
     for program in (["verge-rsu", "--config", config],
                     ["verge-publish", SOURCE / "apps/scenarios/ramp-case1.json", "--bus",
                      "lcm:" + URL, "--quiet"]):
-        code, _, error = rig.run("unshare", "-rn", rig.bin / program[0], *program[1:])
+        code, _, error = rig.run("unshare", "-n", rig.bin / program[0], *program[1:])
         check(code == 69, f"{program[0]}: exit {code}, expected 69: {error}")
         check("ip route add" in error, f"{program[0]} does not say what to do: {error}")
 

@@ -127,7 +127,7 @@ static void a_human_makes_way_for_who_is_decided_to_come_in_front(void** state)
     stage_begin(at);
     decide(at, 1);
     memset(decision.line.actions, VERGE_KEEP_SPEED, sizeof decision.line.actions);
-    decision.line.actions[0][0] = decision.line.actions[1][0] = VERGE_CHANGE_LEFT; // by hand: at once
+    decision.line.actions[0][0] = decision.line.actions[1][0] = VERGE_CHANGE_LEFT; // by hand
     decision.flows[0] = at->root;
     for (uint32_t t = 0; t < at->def.steps; ++t) {
         decision.flows[t + 1] = decision.flows[t];

@@ -29,6 +29,8 @@ static const double GAP_LATERAL = 2.0;
 static const double GAP_LENGTH = 5.0;
 /// Cosine of the largest angle between two that drive the same way: who crosses is gone in time.
 static const double SAME_WAY = 0.7;
+/// Slower closing is rounding: two at standstill never meet. [m/s]
+static const double CLOSING_MIN = 1e-3;
 static const double PI = 3.14159265358979323846;
 
 bool metrics_init(metrics* self, const world* world)
@@ -229,7 +231,7 @@ static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_veh
     const double same_way = mine.x * theirs.x + mine.y * theirs.y;
     const double closing = ego->speed - other->speed * same_way;
     const bool   in_path = along > 0.0 && across < 0.5 * (ego->width + other->width);
-    if (in_path && same_way > SAME_WAY && closing > 0.0) {
+    if (in_path && same_way > SAME_WAY && closing > CLOSING_MIN) {
         const double gap = along - 0.5 * (ego->length + other->length);
         self->min_ttc = fmin(self->min_ttc, fmax(gap, 0.0) / closing);
     }

@@ -20,6 +20,10 @@ bool output_open(output* out, const char* path)
         errno = ENAMETOOLONG;
         return false;
     }
+    if (path[0] == '\0') {
+        errno = ENOENT;
+        return false;
+    }
     strcpy(out->path, path);
     if (stat(path, &existing) == 0 && S_ISDIR(existing.st_mode)) {
         errno = EISDIR;

@@ -28,6 +28,9 @@ static const double INSTANT = 1e-6;
 static const double POSITION_MAX = 1e7;     // [m]
 static const double SPEED_MAX = 70.0;       // [m/s]
 static const double ACCELERATION_MAX = 15.0; // [m/s^2]
+/// A heading that changes faster is a step between two rows, not a turn; the planner would refuse
+/// the state. [rad/s]
+static const double YAW_RATE_MAX = 5.0;
 
 bool scenario_load(scenario* scene, const char* path, const uint64_t* seed)
 {
@@ -78,7 +81,9 @@ bool scenario_track_at(const scenario_vehicle* vehicle, double t, verge_vehicle*
     if (step > 0.0) {
         state->acceleration = fmin(fmax((to->speed - from->speed) / step, -ACCELERATION_MAX),
                                    ACCELERATION_MAX);
-        state->yaw_rate = turn / step;
+        if (fabs(turn) <= YAW_RATE_MAX * step) {
+            state->yaw_rate = turn / step;
+        }
     }
     return true;
 }

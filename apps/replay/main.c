@@ -8,6 +8,7 @@
 #include "common/world.h"
 #include "rsu/replay.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
@@ -37,12 +38,16 @@ int main(int argc, char** argv)
         return status;
     }
     FILE* file = fopen(path, "rb");
-    if (file == NULL) {
-        fprintf(stderr, "%s:file: cannot be read, expected a run file or an LCM event log\n", path);
+    // An LCM event log begins with its sync word, a run file with the brace of a JSON object.
+    const int first = file != NULL ? getc(file) : EOF;
+    if (first == EOF) {
+        fprintf(stderr, "%s:file: cannot be read (%s), expected a run file or an LCM event log\n",
+                path, file != NULL && feof(file) ? "empty" : strerror(errno));
+        if (file != NULL) {
+            fclose(file);
+        }
         return 2;
     }
-    // An LCM event log begins with its sync word, a run file with the brace of a JSON object.
-    const int first = getc(file);
     rewind(file);
     status = first == '{' ? replay_run_file(path, file) : replay_log(path, config_path);
     fclose(file);

@@ -7,6 +7,7 @@
 
 #include "common/options.h"
 
+#include <errno.h>
 #include <string.h>
 
 typedef struct arguments {
@@ -122,6 +123,7 @@ static bool ends_here(const arguments* args, int* status)
     }
     config_free(config);
     if (ends && fflush(stdout) != 0 && *status == 0) {
+        fprintf(stderr, "verge-rsu:standard output: %s\n", strerror(errno));
         *status = EXIT_SOFTWARE;
     }
     return ends;

@@ -148,6 +148,8 @@ static void test_nobody_collides_who_is_slower_beside_or_behind(void** state)
     put(&self, 0, 0.0, 0.0, 0.0, 10.0);
     put(&self, 1, 20.0, 0.0, 0.0, 10.0); // as fast
     tick(&self);
+    put(&self, 1, 20.0, 0.0, 0.0, 10.0 - 1e-14); // as fast but for the last bit
+    tick(&self);
     put(&self, 1, 20.0, 0.0, 0.0, 15.0); // runs away
     tick(&self);
     put(&self, 1, 20.0, 2.1, 0.0, 5.0); // passes beside

@@ -47,6 +47,14 @@ static void test_a_file_appears_when_it_is_complete(void** state)
     check_content("all of it");
 }
 
+static void test_a_file_without_a_name_is_refused_before_the_work(void** state)
+{
+    (void)state;
+    output out;
+    assert_false(output_open(&out, ""));
+    output_abandon(&out); // nothing is open: harmless
+}
+
 static void test_what_is_abandoned_leaves_the_old_file_and_nothing_else(void** state)
 {
     (void)state;
@@ -101,6 +109,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_a_file_appears_when_it_is_complete, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(
+            test_a_file_without_a_name_is_refused_before_the_work, set_up, tear_down),
         cmocka_unit_test_setup_teardown(
             test_what_is_abandoned_leaves_the_old_file_and_nothing_else, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_device_is_written_and_stays_one, set_up, tear_down),

@@ -299,6 +299,24 @@ static void test_a_track_is_exact_at_its_rows_and_ends_with_them(void** state)
     CHECK_NEAR(at.yaw_rate, 0.05, 1e-12);
 }
 
+static void test_a_heading_that_steps_between_two_rows_has_no_yaw_rate(void** state)
+{
+    (void)state;
+    scenario_row rows[] = {
+        { .t = 0.0, .x = 0.0, .heading = 0.0, .speed = 10.0 },
+        { .t = 1.0, .x = 10.0, .heading = 0.2, .speed = 10.0 },
+        { .t = 1.01, .x = 10.1, .heading = 0.0, .speed = 10.0 }, // 20 rad/s
+    };
+    const scenario_vehicle vehicle = { .start = verge_vehicle_default(), .track_count = 3,
+                                       .track = rows };
+    verge_vehicle at;
+    assert_true(scenario_track_at(&vehicle, 0.5, &at));
+    CHECK_NEAR(at.yaw_rate, 0.2, 1e-12);
+    assert_true(scenario_track_at(&vehicle, 1.005, &at));
+    assert_true(isnan(at.yaw_rate));
+    CHECK_NEAR(at.heading, 0.1, 1e-12);
+}
+
 static void test_every_scenario_of_the_project_loads(void** state)
 {
     (void)state;
@@ -330,6 +348,7 @@ int main(void)
         cmocka_unit_test(test_a_written_scenario_reads_back_the_same),
         cmocka_unit_test(test_numbers_read_back_bit_for_bit),
         cmocka_unit_test(test_a_track_is_exact_at_its_rows_and_ends_with_them),
+        cmocka_unit_test(test_a_heading_that_steps_between_two_rows_has_no_yaw_rate),
         cmocka_unit_test(test_every_scenario_of_the_project_loads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -3,6 +3,8 @@
 
 #include "number.h"
 
+#include <math.h>
+
 static void search_write(FILE* out, const verge_search_report* search);
 static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double dt,
                           const char* line);
@@ -53,6 +55,11 @@ static void search_write(FILE* out, const verge_search_report* search)
             "\"unexpanded\":%u,\"reward\":", search->iterations, search->nodes, search->nodes_first,
             search->depth, search->pruned, search->unexpanded);
     number_write(out, search->reward);
+    fprintf(out, ",\"bound\":");
+    number_write(out, search->bound);
+    // Within this share of the bound; null where there is nothing to decide.
+    fprintf(out, ",\"gap\":");
+    number_write(out, search->bound > 0.0 ? 1.0 - search->reward / search->bound : (double)NAN);
     fprintf(out, ",\"complete\":%s}", search->complete ? "true" : "false");
 }
 

@@ -33,9 +33,6 @@ static const float change_slope = 0.5f;
 // worth a change away from the target. [m], [1]
 static const float overtake_sight = 60.0f;
 static const float overtake_pace = 0.35f;
-// What a lane is worth from which n changes lead to the target: this / n. The paper rewards the
-// target lane only; then nobody would set out for one that lies beyond the horizon. [1]
-static const float nearness_one_change = 0.25f;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;
 
@@ -99,7 +96,7 @@ static void intend(vg_scene* scene, const verge_vehicle* vehicle, uint32_t slot)
         const uint8_t changes =
             target < 0 ? 0 : road->changes[lane * road->lane_count + (uint32_t)target];
         scene->nearness[slot][lane] = ((good >> lane) & 1u) != 0 ? 1.0f
-                                      : changes == 255 ? 0.0f : nearness_one_change / (float)changes;
+                                      : changes == 255 ? 0.0f : (float)VG_NEARNESS_ONE_CHANGE / (float)changes;
     }
 }
 

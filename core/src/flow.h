@@ -24,6 +24,10 @@ extern "C" {
 
 #define VG_ALIGNED __attribute__((aligned(16)))
 
+/// What a lane is worth from which n changes lead to the target: this / n. The paper rewards the
+/// target lane only; then nobody would set out for one that lies beyond the horizon. [1]
+#define VG_NEARNESS_ONE_CHANGE 0.25
+
 static_assert(VERGE_VEHICLES_MAX <= 64 && VERGE_LANES_MAX <= 64, "sets are 64-bit masks");
 
 /// All vehicles at one instant. Slots 0 .. controlled_count - 1 are planned.

@@ -2,6 +2,7 @@
 
 #include "mcts.h"
 
+#include "bound.h"
 #include "contract.h"
 #include "scalar.h"
 
@@ -203,6 +204,7 @@ void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_r
     }
     replay(&self, &self.best, decision);
     decision->report.nodes = tree->count;
+    decision->report.bound = vg_flow_bound(scene, root);
 }
 
 // The share of the budget of step t is 1/(t/2 + 1) (findings/paper.md); the rest goes to step 0.

@@ -97,6 +97,7 @@ typedef struct verge_search_report {
     uint32_t pruned;      ///< joint actions refused for a conflict
     uint32_t unexpanded;  ///< iterations that found the node pool full and went on without a node
     double   reward;      ///< [1] X_flow of the returned plan, in [0, 1] (Eq. 5)
+    double   bound;       ///< [1] X_flow that no plan of this cycle exceeds
     bool     complete;    ///< every intention is reached within the horizon of the returned plan
 } verge_search_report;
 

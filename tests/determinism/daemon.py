@@ -4,7 +4,7 @@
 
 Records live traffic twice at once, by `verge-rsu --record` and by lcm-logger, and replays both
 logs by this machine's programs and by the same programs built for aarch64, run by qemu. Beside
-them a run of verge-sim. ARM64_DIR holds libcjson for aarch64, unpacked there by tools/setup.
+them runs of verge-sim. ARM64_DIR holds libcjson for aarch64, unpacked there by tools/setup.
 Exit 77 where a compiler, the emulator, the library or lcm-logger is missing.
 """
 import json
@@ -116,9 +116,13 @@ def main():
                 sys.exit(f"{log.name}: the replay on aarch64 has another number of cycles")
             print(f"{log.name}: {planned} cycles, the same digests here, again and on aarch64")
         # These compare with the digests of the live run and of the simulation.
-        run = folder / "sim.jsonl"
-        output_of([binaries / "verge-sim", scenario, "--out", run])
-        for recording in ([logs[0], "--config", config], [run]):
+        recordings = [[logs[0], "--config", config]]
+        for name in ("ramp-case1", "freeway-4av-2hv", "roundabout"):
+            run = folder / f"{name}.jsonl"
+            output_of([binaries / "verge-sim", source / f"apps/scenarios/{name}.json",
+                       "--out", run])
+            recordings.append([run])
+        for recording in recordings:
             print(output_of([*QEMU, foreign / "verge-replay", *recording]).strip(), "(aarch64)")
 
 

@@ -13,6 +13,7 @@
 #include "predict.h"
 #include "sampler.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,6 +49,7 @@ static bool   open_scene(bench_scene* self);
 static void   fill_scene(bench_scene* self, uint32_t planned, uint64_t seed);
 static void   bench_search(bench_scene* self, const settings* with);
 static void   bench_sampler(bench_scene* self, const settings* with);
+static bool   cycle_scenarios_load(const settings* with);
 static void   bench_cycles(const settings* with);
 static int    count_only(bench_scene* self, const settings* with);
 static void   print_machine(void);
@@ -90,6 +92,9 @@ int main(int argc, char** argv)
     if (with.only_search != NULL) {
         return count_only(&scene, &with);
     }
+    if (!cycle_scenarios_load(&with)) {
+        return 2;
+    }
     printf("{\"format\": \"verge-bench/1\",\n \"machine\": ");
     print_machine();
     printf(",\n \"build\": \"%s, %s\",\n", VERGE_BUILD, VERGE_COMPILER);
@@ -98,6 +103,10 @@ int main(int argc, char** argv)
     bench_cycles(&with);
     printf("}\n");
     free(scene.memory);
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        fprintf(stderr, "verge-bench:standard output: %s\n", strerror(errno));
+        return 1;
+    }
     return 0;
 }
 
@@ -299,6 +308,24 @@ static int by_size(const void* a, const void* b)
     return (x > y) - (x < y);
 }
 
+static const char* const cycle_names[] = { "freeway-4av-2hv", "ramp-case1", "roundabout" };
+
+/// Told before anything is printed: half a document is none.
+static bool cycle_scenarios_load(const settings* with)
+{
+    for (size_t k = 0; k < sizeof cycle_names / sizeof cycle_names[0]; ++k) {
+        char     path[4096];
+        scenario scene;
+        snprintf(path, sizeof path, "%s/%s.json", with->scenarios, cycle_names[k]);
+        if (!scenario_load(&scene, path, NULL)) {
+            fputs(scene.file.error, stderr);
+            return false;
+        }
+        scenario_free(&scene);
+    }
+    return true;
+}
+
 static void bench_cycle(const char* folder, const char* name, uint32_t repeats, bool first)
 {
     static double        ms[cycles_max];
@@ -339,10 +366,9 @@ static void bench_cycle(const char* folder, const char* name, uint32_t repeats, 
 
 static void bench_cycles(const settings* with)
 {
-    static const char* const names[] = { "freeway-4av-2hv", "ramp-case1", "roundabout" };
     printf(" \"cycle\": [");
-    for (size_t k = 0; k < sizeof names / sizeof names[0]; ++k) {
-        bench_cycle(with->scenarios, names[k], with->quick ? 100 : cycles_max, k == 0);
+    for (size_t k = 0; k < sizeof cycle_names / sizeof cycle_names[0]; ++k) {
+        bench_cycle(with->scenarios, cycle_names[k], with->quick ? 100 : cycles_max, k == 0);
         fflush(stdout);
     }
     printf("]\n");

@@ -166,6 +166,7 @@ def main():
                 run(program, *wrong, status=2)
         run(sim_program, broken, "--out", os.path.join(folder, "c.jsonl"), status=2)
         run(sim_program, path, "--out", os.path.join(folder, "no/folder"), status=2)
+        run(os.path.join(options.bin, "verge-bench"), "--quick", "--scenarios", folder, status=2)
         left = sorted(os.listdir(folder))
         assert left == ["a.jsonl", "b.jsonl", "broken.json"], f"left behind: {left}"
     print(f"{len(names)} scenarios, plan documents, run files, exit codes: as the contract says")

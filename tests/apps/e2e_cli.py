@@ -128,7 +128,7 @@ def main():
     plan_program = os.path.join(options.bin, "verge-plan")
     sim_program = os.path.join(options.bin, "verge-sim")
     names = sorted(n for n in os.listdir(options.scenarios)
-                   if n.startswith(("freeway", "ramp", "roundabout")))
+                   if n.startswith(("freeway", "ramp", "roundabout")) and n.endswith(".json"))
     assert len(names) >= 8
     with tempfile.TemporaryDirectory() as folder:
         for name in names:

@@ -130,8 +130,8 @@ double vg_flow_bound(const vg_scene* scene, const vg_flow* root)
     // The slowest lane is the easiest to drive at full pace, the fastest lets accelerate longest.
     double full = VG_HUGE, limit = 0.0;
     for (uint32_t lane = 0; lane < scene->road->lane_count; ++lane) {
-        full = vg_min(full, (double)scene->limit_share[lane]);
-        limit = vg_max(limit, (double)scene->limit[lane]);
+        full = vg_min(full, (double)scene->cruise_share * scene->road->lanes[lane].speed_min);
+        limit = vg_max(limit, scene->road->lanes[lane].speed_limit);
     }
     double sum = 0.0;
     for (uint32_t slot = 0; slot < scene->controlled_count; ++slot) {

@@ -15,6 +15,10 @@ static const float path_air = 0.4f;
 // Air that joint actions must leave between bodies on their ways. [m]
 static const float joint_air_along = 1.0f;
 static const float joint_air_across = 0.3f;
+// A measured acceleration is taken to last this long. [s]
+static const double trend_s = 2.0;
+// Desired speed of one who stands: the IDM divides by it. [m/s]
+static const double cruise_min = 0.05;
 // Merging vehicles see each other from this far before their lanes come close. [m]
 static const float merge_sight = 40.0f;
 // Lanes passed in one step, at most: the end of the last one is waited for.
@@ -27,12 +31,13 @@ static const float border_air = 0.1f;
 static const float centred = 0.3f;
 // Paper, section 4: lane changes are planned for steps of 1.5 s, half a lane each.
 static const float change_step_s = 1.5f;
-// A lane change is not steeper than one in two (d per s).
+// A lane change is not steeper than one in two (d per s), and none is begun nearly standing.
 static const float change_slope = 0.5f;
-// A leader this near, and slower than this share of the pace below which steps earn less, is
+static const float change_speed_min = 0.5f; // [m/s]
+// A leader this near, and slower than this share of the speed one could drive, is
 // worth a change away from the target. [m], [1]
 static const float overtake_sight = 60.0f;
-static const float overtake_pace = 0.35f;
+static const float overtake_pace = 0.6f;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;
 
@@ -72,11 +77,25 @@ static void place(vg_scene* scene, vg_flow* flow, const verge_vehicle* vehicle, 
     scene->input_index[slot] = input_index;
     scene->half_length[slot] = (float)(0.5 * vehicle->length + vehicle->margin);
     scene->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
-    scene->cruise[slot] = (float)vg_max(vg_max(lane->speed_limit, vehicle->speed), 1.0);
+    // A human goes on as measured: to the speed its acceleration leads to soon, not to a limit it
+    // shows no wish for. One that stands stays; one that brakes brakes on. The IDM does the rest.
+    const double soon = vehicle->speed + trend_s * vehicle->acceleration;
+    const double most = vg_max(lane->speed_limit, vehicle->speed);
+    scene->cruise[slot] = (float)vg_clamp(soon, cruise_min, most);
+    scene->braking[slot] = (float)vg_max(scene->def->idm_braking_max, -vehicle->acceleration);
     flow->station[slot] = (float)vg_lane_station(lane, at->s);
     flow->d[slot] = (float)at->d;
     flow->v[slot] = (float)vehicle->speed;
     flow->lane[slot] = (int32_t)at->lane;
+}
+
+void vg_scene_free_humans(vg_scene* scene, const vg_flow* flow)
+{
+    for (uint32_t i = scene->controlled_count; i < scene->count; ++i) {
+        const double limit = scene->road->lanes[flow->lane[i]].speed_limit;
+        scene->cruise[i] = (float)vg_max(vg_max(limit, (double)flow->v[i]), 1.0);
+        scene->braking[i] = (float)scene->def->idm_braking_max;
+    }
 }
 
 static void intend(vg_scene* scene, const verge_vehicle* vehicle, uint32_t slot)
@@ -155,10 +174,7 @@ void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def,
         }
     }
     VERGE_ASSERT(scene->controlled_count <= VERGE_CONTROLLED_MAX);
-    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
-        scene->limit[lane] = (float)road->lanes[lane].speed_limit;
-        scene->limit_share[lane] = (float)(def->cruise_share * road->lanes[lane].speed_limit);
-    }
+    scene->cruise_share = (float)def->cruise_share;
     for (uint32_t k = 0; k < road->lane_count * road->lane_count; ++k) {
         scene->rings = scene->rings || road->relations[k].period > 0.0f;
     }
@@ -219,6 +235,7 @@ INLINE void note_place(vg_flow* flow, uint32_t slot, bin_place place)
     flow->rate[slot] = (place.here[1].s - place.here[0].s) * (float)(1.0 / VG_BIN);
     flow->left_gap[slot] = place.inside ? nearest->left_gap : 0.0f;
     flow->right_gap[slot] = place.inside ? nearest->right_gap : 0.0f;
+    flow->limit[slot] = least(place.here[0].speed, place.here[1].speed);
 }
 
 static void lookup(const vg_scene* scene, vg_flow* flow, uint32_t slot)
@@ -340,7 +357,8 @@ static void lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* 
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         const float d = flow->d[i], y = flow->y[i];
         const float left = flow->left_gap[i], right = flow->right_gap[i];
-        const float room = most(most(left, right), 3.0f) * part;
+        const float slope = change_slope * flow->v[i] * (float)scene->def->step_s;
+        const float room = least(most(most(left, right), 3.0f) * part, slope);
         const float left_rest = d < -centred ? -d : left - d;
         const float right_rest = d > centred ? d : right + d;
         moves->y[0][i] = y + most(least(-d, room), -room);
@@ -405,7 +423,8 @@ double vg_idm_acceleration(const verge_planner_def* def, double v, double desire
 }
 
 // The same in single precision; what is divided by all the time is given as its inverse.
-INLINE float idm(const verge_planner_def* def, float per_closing, float v, float per_desired, float gap,
+INLINE float idm(const verge_planner_def* def, float per_closing, float braking, float v,
+                 float per_desired, float gap,
                  float v_lead)
 {
     const float s0 = (float)def->idm_gap;
@@ -415,7 +434,7 @@ INLINE float idm(const verge_planner_def* def, float per_closing, float v, float
     const float pace = v * per_desired;
     const float pace2 = pace * pace;
     const float a = (float)def->idm_acceleration * (1.0f - pace2 * pace2 - ratio * ratio);
-    return most(a, -(float)def->idm_braking_max);
+    return most(a, -braking);
 }
 
 // KL: the IDM behind the nearest vehicle in the path, planned or not; the lane is kept as driven.
@@ -430,7 +449,7 @@ static void human_moves(const vg_scene* scene, const vg_flow* flow, float dt, fl
         const float gap = w.gap_l - scene->half_length[i];
         const float v = flow->v[i];
         const float v_lead = w.gap_l < 0.5f * nowhere ? w.v_l : v; // free road: nobody closes in
-        const float a = idm(scene->def, per_closing, v, per_desired, gap, v_lead);
+        const float a = idm(scene->def, per_closing, scene->braking[i], v, per_desired, gap, v_lead);
         const float v1 = v + a * dt;
         // One who stops goes no farther than to the stop.
         const float way = v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
@@ -486,10 +505,8 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     const uint32_t lane = (uint32_t)flow->lane[slot];
     const float d = flow->d[slot];
     const float left_gap = flow->left_gap[slot], right_gap = flow->right_gap[slot];
-    const float room = most(left_gap, right_gap);
-    const float width = room > 0.0f ? room : 3.0f;
-    if (flow->v[slot] * change_step_s * change_slope < 0.5f * width) {
-        return 0; // too slow to get across
+    if (flow->v[slot] < change_speed_min) {
+        return 0;
     }
     const bool finish_left = d < -centred;
     const bool finish_right = d > centred;
@@ -498,7 +515,7 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     const int32_t target = scene->target[slot];
     const int8_t way = target < 0 ? 0 : road->move[lane * road->lane_count + (uint32_t)target];
     const bool overtake = keep->gap_l < overtake_sight
-                          && keep->v_l < overtake_pace * scene->limit_share[lane];
+                          && keep->v_l < overtake_pace * flow->limit[slot];
     if (!overtake) {
         left = left && (way > 0 || finish_left);
         right = right && (way < 0 || finish_right);
@@ -536,7 +553,7 @@ static void keep_window(const vg_scene* scene, const vg_flow* flow, vg_moves* mo
     const margins dc = margins_of(scene, &keep, half, moves->v[2][slot],
                                   (moves->station[2][slot] - station) * rate);
     uint32_t legal = fits(ks) ? 1u << VERGE_KEEP_SPEED : 0u;
-    if (fits(ac) && moves->v[1][slot] <= scene->limit[flow->lane[slot]]) {
+    if (fits(ac) && moves->v[1][slot] <= flow->limit[slot]) {
         legal |= 1u << VERGE_ACCELERATE;
     }
     if (fits(dc) && flow->v[slot] > 0.0f) {
@@ -798,10 +815,11 @@ static float worth(const vg_scene* scene, const vg_flow* flow, uint32_t slot)
     return fabs_of(flow->d[slot]) <= reached_offset ? scene->nearness[slot][flow->lane[slot]] : 0.0f;
 }
 
-// Speed in parts of what the lane asks for, see cruise_share. [1] 0 .. 1
+// Speed in parts of what the place asks for, see cruise_share; too fast is as bad. [1] 0 .. 1
 static float pace_of(const vg_scene* scene, const vg_flow* flow, uint32_t slot)
 {
-    return least(flow->v[slot] / scene->limit_share[flow->lane[slot]], 1.0f);
+    const float v = flow->v[slot], limit = flow->limit[slot];
+    return v > limit ? limit / v : least(v, scene->cruise_share * limit) / (scene->cruise_share * limit);
 }
 
 static void earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot, uint8_t action)

@@ -41,6 +41,7 @@ typedef struct vg_flow {
     VG_ALIGNED float rate[VERGE_VEHICLES_MAX];      ///< [1] metres of way per metre of station
     VG_ALIGNED float left_gap[VERGE_VEHICLES_MAX];  ///< [m] to the left lane's centre, 0: no change
     VG_ALIGNED float right_gap[VERGE_VEHICLES_MAX]; ///< [m]
+    VG_ALIGNED float limit[VERGE_VEHICLES_MAX];     ///< [m/s] to drive there, see vg_bin
     // What the planned ones have earned so far.
     float   credit[VERGE_CONTROLLED_MAX];   ///< [1] of lane and consistency parts of R_i
     float   driven[VERGE_CONTROLLED_MAX];   ///< [m] in the target lane
@@ -77,12 +78,12 @@ typedef struct vg_scene {
     VG_ALIGNED float half_length[VERGE_VEHICLES_MAX]; ///< [m] with margin
     VG_ALIGNED float half_width[VERGE_VEHICLES_MAX];  ///< [m] with margin
     VG_ALIGNED float cruise[VERGE_VEHICLES_MAX];      ///< [m/s] the IDM's desired speed
+    VG_ALIGNED float braking[VERGE_VEHICLES_MAX];     ///< [m/s^2] the IDM's hardest
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
     uint64_t good_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
     float    nearness[VERGE_CONTROLLED_MAX][VERGE_LANES_MAX]; ///< [1] 1 on a good lane, less before it
     float    weight[VERGE_CONTROLLED_MAX];     ///< [1] of R_i in X_flow, Eq. 5; they sum to <= 1
-    float    limit_share[VERGE_LANES_MAX];     ///< [m/s] cruise_share * speed limit
-    float    limit[VERGE_LANES_MAX];           ///< [m/s]
+    float    cruise_share;                     ///< [1]
     float    reaction, headway;                       ///< [s] Eq. 2
     float    per_reaction, per_headway, per_both;     ///< [1/s] inverses of these and of their sum
     vg_sight* sight;
@@ -99,6 +100,10 @@ typedef struct vg_placed {
 void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
                    vg_sight* sight, const verge_vehicle* vehicles, const vg_placed* placed,
                    uint32_t vehicle_count);
+
+/// From now on uncontrolled ones want to drive at their lane's limit, as the IDM has it; before,
+/// they go on as measured. For simulators.
+void vg_scene_free_humans(vg_scene* scene, const vg_flow* flow);
 
 /// Every vehicle's moves from here, each legal on its own; nothing is left open.
 void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);

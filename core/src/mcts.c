@@ -715,11 +715,12 @@ static void replay(search* self, const vg_line* line, vg_decision* decision)
         }
     }
     decision->line = self->line;
+    // Where no simulation went without a conflict, what is returned ends as badly as they did.
+    const bool whole = self->best_reward >= 0.0;
     if (!ended_early) {
-        self->report->reward =
-            vg_flow_reward(scene, self->flow, self->line.step_count, true);
+        self->report->reward = vg_flow_reward(scene, self->flow, self->line.step_count, whole);
     }
-    self->report->complete = true;
+    self->report->complete = whole;
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         self->report->complete = self->report->complete
                                  && (scene->target[i] < 0

@@ -370,9 +370,12 @@ static void place_all(verge_planner* self, uint32_t count)
         const verge_lane_position at = locate(self, &self->vehicles[i]);
         const int32_t lane = at.lane_id == VERGE_NO_LANE
                                  ? -1 : vg_road_lane_index(self->road, at.lane_id);
-        self->placed[i] = (vg_placed){
-            .on_road = lane >= 0, .lane = lane >= 0 ? (uint32_t)lane : 0u, .s = at.s, .d = at.d
-        };
+        // Who faces the other way is not on its way along this lane, whatever else it does there.
+        const bool along = vg_cos(at.heading - self->vehicles[i].heading) > 0.0;
+        self->placed[i] = (vg_placed){ .on_road = lane >= 0 && along,
+                                       .lane = lane >= 0 ? (uint32_t)lane : 0u,
+                                       .s = at.s,
+                                       .d = at.d };
     }
 }
 
@@ -636,6 +639,7 @@ void verge_planner_advance_humans(verge_planner* self, verge_vehicle* vehicles, 
     vg_scene* scene = self->scene;
     vg_scene_from(scene, self->root, &self->def, self->road, self->sight, self->vehicles,
                   self->placed, count);
+    vg_scene_free_humans(scene, self->root);
     vg_flow_follow(scene, self->root, dt, &next);
     for (uint32_t slot = scene->controlled_count; slot < scene->count; ++slot) {
         const uint32_t i = scene->input_index[slot];

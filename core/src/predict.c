@@ -13,6 +13,19 @@
 static const double standing = 0.5;
 enum { seams_max = 8 };
 
+// A human that drifts slower than this keeps its place in the lane. [m/s]
+static const double drift_min = 0.4;
+// Where no lane is beside, a drift ends after this. [m]
+static const double drift_free = 0.5;
+
+// A human's way across its lane: as measured, until it reaches the next centre in that direction.
+typedef struct drift {
+    double rate;  // [m/s] to the left
+    double until; // [m] d
+} drift;
+
+static drift drift_of(const vg_scene* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot);
+static double go_across(const drift* way, double dt, float* d);
 static void start_pose(vg_track* track, const verge_vehicle* vehicle);
 static void drive_straight(vg_track* track, const verge_vehicle* vehicle, const verge_planner_def* def);
 static void decided_state(const vg_scene* scene, const vg_decision* decision, uint32_t slot, double t,
@@ -33,6 +46,10 @@ void vg_predict_tracks(vg_tracks* tracks, const vg_scene* scene, const vg_flow* 
             drive_straight(&tracks->of[i], &vehicles[i], def);
         }
     }
+    drift drifts[VERGE_VEHICLES_MAX];
+    for (uint32_t slot = 0; slot < scene->count; ++slot) {
+        drifts[slot] = drift_of(scene, root, &vehicles[scene->input_index[slot]], slot);
+    }
     vg_flow now, next;
     memcpy(&now, root, sizeof now);
     for (uint32_t k = 1; k < def->points; ++k) {
@@ -42,11 +59,39 @@ void vg_predict_tracks(vg_tracks* tracks, const vg_scene* scene, const vg_flow* 
             double d_rate = 0.0;
             if (slot < scene->controlled_count) {
                 decided_state(scene, decision, slot, (double)k * def->point_s, &now, &d_rate);
+            } else if (drifts[slot].rate != 0.0) {
+                d_rate = go_across(&drifts[slot], def->point_s, &now.d[slot]);
             }
             note(&tracks->of[scene->input_index[slot]], scene, &now, slot, d_rate, k);
         }
         vg_flow_derive(scene, &now);
     }
+}
+
+static drift drift_of(const vg_scene* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot)
+{
+    const vg_lane* lane = &scene->road->lanes[root->lane[slot]];
+    const vg_reference at = vg_lane_at(lane, vg_lane_s(lane, (double)root->station[slot]));
+    double sine = 0.0, cosine = 1.0;
+    vg_sincos(vehicle->heading, &sine, &cosine);
+    const double rate = vehicle->speed * (sine * at.cos_heading - cosine * at.sin_heading);
+    const double d = (double)root->d[slot];
+    if (vg_abs(rate) < drift_min) {
+        return (drift){ 0.0, d };
+    }
+    const double side = rate > 0.0 ? 1.0 : -1.0;
+    const double gap = (double)(rate > 0.0 ? root->left_gap[slot] : root->right_gap[slot]);
+    const double beyond = gap > 0.0 ? gap : d * side + drift_free;
+    return (drift){ rate, d * side < -drift_min ? 0.0 : side * vg_max(beyond, d * side) };
+}
+
+// One instant on; returns the rate it had. [m/s]
+static double go_across(const drift* way, double dt, float* d)
+{
+    const double left = (way->until - (double)*d) * (way->rate > 0.0 ? 1.0 : -1.0);
+    const double step = vg_min(vg_abs(way->rate) * dt, vg_max(left, 0.0));
+    *d += (float)(way->rate > 0.0 ? step : -step);
+    return (way->rate > 0.0 ? step : -step) / dt;
 }
 
 static void start_pose(vg_track* track, const verge_vehicle* vehicle)

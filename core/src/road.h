@@ -28,6 +28,7 @@ typedef struct vg_bin {
     float lateral;    ///< [m] y of the lane's centre on the bundle's lateral axis
     float left_gap;   ///< [m] > 0 to the left neighbour's centre; 0: no change to the left here
     float right_gap;  ///< [m] > 0 to the right neighbour's centre; 0: no change to the right here
+    float speed;      ///< [m/s] to drive here: the limit, less in bends and before them
 } vg_bin;             // legal stretches are already applied to the gaps
 
 typedef struct vg_lane {
@@ -42,6 +43,7 @@ typedef struct vg_lane {
     int32_t  left, right;          ///< lane index, -1 none
     int32_t  successors[VERGE_SUCCESSORS_MAX];
     uint32_t successor_count;
+    double   speed_min;            ///< [m/s] least of the bins
     bool     dead_end;             ///< nothing continues it though a neighbour goes on for >= 20 m:
                                    ///< whoever is on it must leave it or stop before its end
     uint32_t bundle;

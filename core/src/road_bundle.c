@@ -26,12 +26,23 @@ static const double change_cosine = 0.87758256189037271;
 /// Lanes that start or end together do so within this. [m]
 static const double end_slack = 0.05;
 
+/// Bends are driven at this lateral acceleration; what lies ahead is slowed down for at this
+/// deceleration. [m/s^2] Well inside the comfort limits, so that trajectories have room.
+static const double bend_lateral = 2.5;
+static const double approach = 0.5;
+/// A bin answers for the bends from this before it to this behind the next one. [m]
+static const double bend_reach = 2.0;
+/// How many short lanes ahead of a slow one know of it.
+enum { seam_rounds = 4 };
+
 static uint64_t links_of(const struct verge_road* road, uint32_t lane);
 static void lay_first(vg_road_draft* draft, uint32_t lane);
 static void lay_beside(vg_road_draft* draft, uint32_t lane, uint32_t neighbour);
 static bool find_beside(const vg_lane* lane, const vg_lane* neighbour, double s, double* station,
                         double* lateral, double* guess);
 static void fill_gaps(vg_road_draft* draft, uint32_t lane);
+static void fill_speeds(vg_road_draft* draft, uint32_t lane);
+static void look_ahead(vg_road_draft* draft, uint32_t lane);
 static float gap_at(const vg_road_draft* draft, uint32_t lane, bool left, double s, double* guess);
 
 void vg_road_bundle(vg_road_draft* draft)
@@ -79,6 +90,12 @@ void vg_road_bundle(vg_road_draft* draft)
     }
     for (uint32_t i = 0; i < road->lane_count; ++i) {
         fill_gaps(draft, i);
+        fill_speeds(draft, i);
+    }
+    for (uint32_t round = 0; round < seam_rounds; ++round) { // on over the seams, lane by lane
+        for (uint32_t i = 0; i < road->lane_count; ++i) {
+            look_ahead(draft, i);
+        }
     }
 }
 
@@ -208,6 +225,46 @@ static void fill_gaps(vg_road_draft* draft, uint32_t index)
         const double s = (double)bins[i].s;
         bins[i].left_gap = gap_at(draft, index, true, s, &left_guess);
         bins[i].right_gap = gap_at(draft, index, false, s, &right_guess);
+    }
+}
+
+/// The limit, and what the sharpest bend near each bin allows.
+static void fill_speeds(vg_road_draft* draft, uint32_t index)
+{
+    const vg_lane* lane = &draft->road->lanes[index];
+    vg_bin* bins = draft->storage[index].bins;
+    for (uint32_t i = 0; i < lane->bin_count; ++i) {
+        const double from = (double)bins[i].s - bend_reach;
+        const uint32_t samples = (uint32_t)(2.0 * bend_reach + rate_max * VG_BIN);
+        double sharpest = 0.0;
+        for (uint32_t k = 0; k <= samples; ++k) {
+            const double s = vg_clamp(from + (double)k, 0.0, lane->length);
+            sharpest = vg_max(sharpest, vg_abs(vg_lane_at(lane, s).curvature));
+        }
+        const double bend = vg_sqrt(bend_lateral / vg_max(sharpest, 1e-6));
+        bins[i].speed = (float)vg_min(lane->speed_limit, bend);
+    }
+}
+
+/// Nobody slows down at once: speeds rise no faster against the direction of travel than a gentle
+/// deceleration allows. Over a seam the fastest continuation counts, for the way is not known.
+static void look_ahead(vg_road_draft* draft, uint32_t index)
+{
+    vg_lane* lane = &draft->road->lanes[index];
+    vg_bin* bins = draft->storage[index].bins;
+    double after = lane->successor_count > 0 ? 0.0 : VG_HUGE;
+    for (uint32_t k = 0; k < lane->successor_count; ++k) {
+        after = vg_max(after, (double)draft->storage[lane->successors[k]].bins[0].speed);
+    }
+    double way = 0.0;
+    lane->speed_min = VG_HUGE;
+    for (uint32_t i = lane->bin_count; i > 0; --i) {
+        vg_bin* bin = &bins[i - 1u];
+        const double most = vg_sqrt(after * after + 2.0 * approach * way);
+        bin->speed = (float)vg_min((double)bin->speed, most);
+        after = (double)bin->speed;
+        way = i > 1u ? (double)(bin->s - bins[i - 2u].s) : 0.0;
+        lane->speed_min = vg_min(lane->speed_min, (double)bin->speed);
     }
 }
 

@@ -15,6 +15,12 @@ static double lateral(const vg_flow* flow, uint32_t slot)
 
 // ---------------------------------------------------------------------------- Table 1
 
+/// Half a lane a step, but no more than one metre across in two along.
+static double across(double v, double dt)
+{
+    return fmin(0.5 * STAGE_WIDTH * dt / 1.5, 0.5 * v * dt);
+}
+
 static void keep_accelerate_decelerate_change_the_state_as_table_1_says(void** state)
 {
     (void)state;
@@ -45,7 +51,7 @@ static void keep_accelerate_decelerate_change_the_state_as_table_1_says(void** s
         CHECK_NEAR(at->root.station[0], s + ds, 2e-3);
         CHECK_NEAR(at->root.v[0], v + dv, 1e-5);
         assert_true(at->root.v[0] >= 0.0f);
-        const double left = fabs(d) - 0.5 * WIDTH; // half a lane a step back to the centre
+        const double left = fabs(d) - across(v, dt); // a step back to the centre
         CHECK_NEAR(fabs((double)at->root.d[0]), left > 0.0 ? left : 0.0, 1e-4);
         assert_int_equal(at->root.lane[0], 1);
     }
@@ -70,7 +76,7 @@ static void a_change_moves_half_a_lane_and_never_past_the_next_centre(void** sta
         const double goal = x < -0.3 ? 0.0 : WIDTH; // coming from the other side: this centre first
         if (fabs(x + 0.3) > 1e-4) {
             const double moved = (lateral(&at->root, 0) - WIDTH) * (to_left ? 1.0 : -1.0);
-            CHECK_NEAR(moved, fmin(x + 0.5 * WIDTH, goal), 1e-4);
+            CHECK_NEAR(moved, fmin(x + across(v, at->def.step_s), goal), 1e-4);
             const bool over = moved > 0.5 * WIDTH + 0.051; // clearly nearer to the next centre
             if (over || moved < 0.5 * WIDTH + 0.049) {
                 assert_int_equal(at->root.lane[0], 1 + (over ? (to_left ? 1 : -1) : 0));
@@ -150,8 +156,12 @@ static body later(const stage* at, uint32_t j)
             gap = to_tail;
         }
     }
-    const double desired = fmax(fmax(STAGE_LIMIT, at->vehicles[j].speed), 1.0);
-    const double a = idm_by_hand(&at->def, now.v, desired, gap, lead_v);
+    // On as measured: to the speed that two more seconds of its acceleration lead to.
+    const double measured = at->vehicles[j].acceleration, v0 = at->vehicles[j].speed;
+    const double desired = fmax(fmin(v0 + 2.0 * measured, fmax(STAGE_LIMIT, v0)), 0.05);
+    verge_planner_def def = at->def;
+    def.idm_braking_max = fmax(def.idm_braking_max, -measured);
+    const double a = idm_by_hand(&def, now.v, desired, gap, lead_v);
     if (now.v + a * dt < 0.0) { // stops on the way
         return (body){ now.s + now.v * now.v / (-2.0 * a), now.y, 0.0 };
     }
@@ -210,7 +220,8 @@ static int inside(window w, double v)
 static void check_keeping(const stage* at, uint32_t i, uint8_t legal, uint32_t* told)
 {
     const double dt = at->def.step_s, v = at->root.v[i];
-    const double kept = WIDTH * at->root.lane[i]; // d is at most half a lane: one step recentres
+    const double d = at->root.d[i], back = fmin(fabs(d), across(v, dt));
+    const double kept = WIDTH * at->root.lane[i] + d - (d > 0.0 ? back : -back);
     const double gain = at->def.acceleration * dt, loss = fmin(at->def.deceleration * dt, v);
     const double stop_s = v / at->def.deceleration; // [s]
     const double braked = v >= at->def.deceleration * dt ? -0.5 * at->def.deceleration * dt * dt
@@ -238,20 +249,21 @@ static void check_changes(const stage* at, uint32_t i, uint8_t legal, uint32_t* 
 {
     const double v = at->root.v[i], d = at->root.d[i];
     const int32_t lane = at->root.lane[i], target = at->scene.target[i];
-    const window keep = window_of(at, i, WIDTH * lane, 0.0);
+    const double back = fmin(fabs(d), across(v, at->def.step_s));
+    const window keep = window_of(at, i, WIDTH * lane + d - (d > 0.0 ? back : -back), 0.0);
     if (keep.doubt < 2e-3 || fabs(keep.ahead_gap - 60.0) < 1e-2
-        || fabs(v * 1.5 * 0.5 - 0.5 * WIDTH) < 1e-4) {
+        || fabs(v - 0.5) < 1e-4) {
         return;
     }
-    const bool overtake = keep.ahead_gap < 60.0 && keep.ahead_v < 0.7 * 0.5 * STAGE_LIMIT;
+    const bool overtake = keep.ahead_gap < 60.0 && keep.ahead_v < 0.6 * STAGE_LIMIT;
     for (int side = -1; side <= 1; side += 2) { // right, left
         const uint8_t action = side > 0 ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT;
         const bool finishing = d * side < -0.3;
         const bool beside = lane + side >= 0 && lane + side < (int32_t)at->def.road.lane_count;
         const bool wanted = target >= 0 && (target - lane) * side > 0;
         const double goal = finishing ? 0.0 : WIDTH;
-        const double y = WIDTH * lane + side * fmin(d * side + 0.5 * WIDTH, goal);
-        const bool allowed = v * 1.5 * 0.5 >= 0.5 * WIDTH
+        const double y = WIDTH * lane + side * fmin(d * side + across(v, at->def.step_s), goal);
+        const bool allowed = v >= 0.5
                              && (finishing || (beside && (wanted || overtake)));
         const int fits = inside(window_of(at, i, y, 0.0), v);
         if (fits >= 0 && fabs(d * side + 0.3) > 1e-4) {
@@ -303,6 +315,10 @@ static void humans_follow_the_idm_behind_the_nearest_vehicle_in_their_path(void*
     for (uint32_t k = 0; k < test_rounds(5000); ++k) {
         stage_fill(at, &rng, test_rng_below(&rng, 6), 1 + test_rng_below(&rng, 8), 100.0, 300.0,
                    6.0);
+        for (uint32_t i = 0; k % 2 == 0 && i < at->count; ++i) {
+            at->vehicles[i].acceleration = test_rng_between(&rng, -8.0, 3.0);
+        }
+        stage_begin(at);
         vg_moves moves;
         memset(&moves, 0, sizeof moves);
         vg_flow_moves(&at->scene, &at->root, &moves);
@@ -650,7 +666,8 @@ static double reward_of(const stage* at, const story* of, uint32_t i)
     double lane = 0.0, same = 0.0;
     for (uint32_t t = 0; t < def->steps; ++t) {
         const uint32_t told = t < of->steps ? t : of->steps - 1u;
-        lane += of->worth[told][i] * fmin(1.0, of->v[told][i] / pace);
+        const double v = of->v[told][i];
+        lane += of->worth[told][i] * (v > STAGE_LIMIT ? STAGE_LIMIT / v : fmin(1.0, v / pace));
         same += t == 0 || t >= of->steps || of->actions[t][i] == of->actions[t - 1u][i] ? 1.0 : 0.0;
     }
     return def->reward_target * of->worth[of->steps - 1u][i]

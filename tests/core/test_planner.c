@@ -624,7 +624,7 @@ static void nothing_new_means_the_same_actions(void** state)
     free(on.memory);
 }
 
-static void humans_are_advanced_as_they_are_predicted(void** state)
+static void humans_drive_by_the_idm_and_are_predicted_as_measured(void** state)
 {
     (void)state;
     road under;
@@ -640,11 +640,20 @@ static void humans_are_advanced_as_they_are_predicted(void** state)
     memcpy(advanced, vehicles, sizeof vehicles);
     verge_planner_advance_humans(on.planner, advanced, 4, def.point_s);
     assert_memory_equal(&advanced[0], &vehicles[0], sizeof vehicles[0]);
-    for (uint32_t i = 0; i < 3; ++i) {
-        CHECK_NEAR(advanced[i + 1].x, plan.predictions[i].points[1].x, 1e-4);
-        CHECK_NEAR(advanced[i + 1].y, plan.predictions[i].points[1].y, 1e-4);
-    }
+    // Behind a slow one both brake; where the road is free one speeds up, the other may not.
     assert_true(advanced[1].speed < 9.0 && advanced[2].speed > 9.0);
+    assert_true(plan.predictions[0].points[30].x < 90.0 + 3.0 * 9.0 - 1.0);
+    CHECK_NEAR(plan.predictions[1].points[30].x, 90.0 + 3.0 * 9.0, 1e-3);
+    CHECK_NEAR(advanced[3].x, plan.predictions[2].points[1].x, 1e-4); // off the road: straight on
+    CHECK_NEAR(advanced[3].y, plan.predictions[2].points[1].y, 1e-4);
+    vehicles[2].speed = 0.0; // who stands is not expected to set off
+    verge_planner_reset(on.planner);
+    must_step(on.planner, 0, vehicles, 4);
+    CHECK_NEAR(plan.predictions[1].points[30].x, 90.0, 0.1);
+    vehicles[2].speed = 9.0; // who brakes is expected to brake on
+    vehicles[2].acceleration = -6.0;
+    must_step(on.planner, 0, vehicles, 4);
+    CHECK_AT_MOST(plan.predictions[1].points[30].x, 90.0 + 9.0 * 9.0 / (2.0 * 6.0) + 1.0);
     free(on.memory);
 }
 
@@ -705,7 +714,7 @@ int main(void)
         cmocka_unit_test(two_planners_of_one_def_stay_together_and_a_reset_starts_over),
         cmocka_unit_test(the_executor_does_not_change_the_plan),
         cmocka_unit_test(nothing_new_means_the_same_actions),
-        cmocka_unit_test(humans_are_advanced_as_they_are_predicted),
+        cmocka_unit_test(humans_drive_by_the_idm_and_are_predicted_as_measured),
         cmocka_unit_test(sentences_say_what_a_step_does_and_fit_their_space),
         cmocka_unit_test(bodies_touch_as_rectangles_do),
     };

@@ -75,6 +75,26 @@ static void everyone_starts_where_it_is_with_the_body_it_has(void** state)
     stage_close(at);
 }
 
+static void a_human_that_crosses_goes_on_to_the_next_centre_and_stays_there(void** state)
+{
+    (void)state;
+    stage* at = stage_open(3, 500.0);
+    stage_add(at, false, 1, 100.0, 0.2, 10.0, -1)->heading = 0.2;  // towards lane 2
+    stage_add(at, false, 1, 200.0, -0.5, 10.0, -1)->heading = 0.1; // back to the centre
+    stage_add(at, false, 0, 100.0, 0.3, 10.0, -1)->heading = 0.03; // within a lane: keeps its place
+    stage_add(at, false, 0, 200.0, 0.0, 10.0, -1)->heading = -0.3; // off the road: not far
+    stage_begin(at);
+    predict(at);
+    const vg_track* of = tracks.of;
+    CHECK_NEAR(of[0].y[5], STAGE_WIDTH + 0.2 + 0.5 * 10.0 * sin(0.2), 0.01);
+    CHECK_NEAR(of[0].y[30], 2.0 * STAGE_WIDTH, 0.01);
+    CHECK_NEAR(of[1].y[30], STAGE_WIDTH, 0.01);
+    CHECK_NEAR(of[2].y[30], 0.3, 0.01);
+    CHECK_NEAR(of[3].y[30], -0.5, 0.01);
+    assert_true(of[0].sin_heading[5] > 0.15 && of[0].sin_heading[30] < 0.01);
+    stage_close(at);
+}
+
 static void bodies_move_as_fast_as_they_say_and_where_they_point(void** state)
 {
     (void)state;
@@ -201,6 +221,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planned_bodies_meet_the_decision_at_every_step),
         cmocka_unit_test(everyone_starts_where_it_is_with_the_body_it_has),
+        cmocka_unit_test(a_human_that_crosses_goes_on_to_the_next_centre_and_stays_there),
         cmocka_unit_test(bodies_move_as_fast_as_they_say_and_where_they_point),
         cmocka_unit_test(a_human_at_the_limit_on_a_free_road_keeps_its_speed_and_lane),
         cmocka_unit_test(a_human_makes_way_for_who_is_decided_to_come_in_front),

@@ -348,6 +348,41 @@ static void test_concentric_lanes_are_side_by_side_at_equal_stations(void** stat
     world_free(w);
 }
 
+/// Bends at 2.5 m/s^2 across, the limit elsewhere, and never a drop that asks for more than
+/// 0.5 m/s^2, over the seam into a slower lane neither.
+static void test_speeds_fall_before_bends_and_slower_lanes(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    verge_lane_def* bend = add_lane(w, VERGE_NO_LANE, VERGE_NO_LANE);
+    bend->speed_limit = 20.0;
+    add_straight(w, -400.0, -15.0, 0.0, -15.0);
+    add_arc(w, 15.0, -0.5 * VG_PI, 0.5 * VG_PI, 60);
+    add_straight(w, 0.0, 15.0, -500.0, 15.0);
+    leads_to(w, 0, 1);
+    verge_lane_def* slow = add_lane(w, VERGE_NO_LANE, VERGE_NO_LANE);
+    slow->speed_limit = 6.0;
+    add_straight(w, -500.0, 15.0, -700.0, 15.0);
+    build(w);
+    const vg_lane* lane = &w->road->lanes[0];
+    double least = 100.0, most = 0.0;
+    for (uint32_t i = 0; i + 1 < lane->bin_count; ++i) {
+        const vg_bin *here = &lane->bins[i], *next = here + 1;
+        const double curvature = fabs(vg_lane_at(lane, (double)here->s).curvature);
+        CHECK_AT_MOST(here->speed, 20.0);
+        CHECK_AT_MOST((double)here->speed * here->speed * curvature, 2.5 + 1e-3);
+        const double drop = (double)here->speed * here->speed - (double)next->speed * next->speed;
+        CHECK_AT_MOST(drop / (2.0 * (next->s - here->s)), 0.5 + 1e-3);
+        least = fmin(least, here->speed);
+        most = fmax(most, here->speed);
+    }
+    CHECK_NEAR(most, 20.0, 1e-6);
+    CHECK_NEAR(least, sqrt(2.5 * 15.0), 0.4);
+    CHECK_AT_MOST(lane->bins[lane->bin_count - 1].speed, 6.0 + 0.5);
+    CHECK_NEAR(lane->speed_min, least, 1e-6);
+    world_free(w);
+}
+
 static void test_a_merge_aligns_both_lanes_at_its_point(void** state)
 {
     (void)state;
@@ -622,11 +657,22 @@ static void test_every_broken_road_is_refused_with_its_reason(void** state)
     REFUSED(leads_to(w, 0, 1), "successors", "within 20 m");
     REFUSED((lane->change_left_given = true, lane->change_left_count = 9), "change_left", "8");
     REFUSED((lane->change_left_given = true, lane->change_left_count = 1,
-             lane->change_left[0] = (verge_stretch){ 60.0, 50.0 }), "change_left", "s0 <= s1");
-    REFUSED((lane->change_right_given = true, lane->change_right_count = 1,
+             lane->change_left[0] = (verge_stretch){ 60.0, 50.0 }), "change_left", "s0 < s1");
+    REFUSED((lane->change_left_given = true, lane->change_left_count = 1,
+             lane->change_left[0] = (verge_stretch){ 60.0, 60.0 }), "change_left", "s0 < s1");
+    REFUSED((lane->change_left_given = true, lane->change_left_count = 1,
+             lane->change_left[0] = (verge_stretch){ 101.0, 102.0 }), "change_left", "within");
+    REFUSED((lane->change_left_given = true, lane->change_left_count = 2,
+             lane->change_left[0] = (verge_stretch){ 40.0, 60.0 },
+             lane->change_left[1] = (verge_stretch){ 10.0, 41.0 }), "change_left", "overlap");
+    REFUSED((lane = &w->lanes[1], lane->change_right_given = true, lane->change_right_count = 1,
              lane->change_right[0] = (verge_stretch){ 60.0, 150.0 }), "change_right", "within");
-    REFUSED((lane->change_right_given = true, lane->change_right_count = 1,
+    REFUSED((lane = &w->lanes[1], lane->change_right_given = true, lane->change_right_count = 1,
              lane->change_right[0] = (verge_stretch){ NAN, 50.0 }), "change_right", "finite");
+    REFUSED((lane->change_right_given = true, lane->change_right_count = 1,
+             lane->change_right[0] = (verge_stretch){ 10.0, 50.0 }), "change_right", "neighbour");
+    REFUSED((lane = &w->lanes[1], lane->change_left_given = true, lane->change_left_count = 1,
+             lane->change_left[0] = (verge_stretch){ 10.0, 50.0 }), "change_left", "neighbour");
 #undef REFUSED
     world* w = two_lanes();
     const verge_road_def def = { .lanes = w->lanes, .lane_count = w->count };
@@ -636,28 +682,120 @@ static void test_every_broken_road_is_refused_with_its_reason(void** state)
     world_free(w);
 }
 
+static bool accepted(const world* w)
+{
+    const verge_road_def def = { .lanes = w->lanes, .lane_count = w->count };
+    return verge_road_check(&def, NULL) == VERGE_OK;
+}
+
+static void test_a_centreline_may_turn_sharply_but_not_double_back(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("sharp turns");
+    for (uint32_t round = 0; round < test_rounds(500); ++round) {
+        // One corner between two legs, anywhere, with points nearer than the noise around it.
+        const double heading = test_rng_between(&rng, -3.1, 3.1);
+        const double turn = test_rng_between(&rng, 0.0, 3.14159) * (round % 2 == 0 ? 1.0 : -1.0);
+        const double back = heading + turn;
+        const double leg = test_rng_between(&rng, 1.0, 50.0), jitter = round % 3 == 0 ? 0.1 : 0.0;
+        world* w = world_new();
+        add_lane(w, -1, -1);
+        add_point(w, 0.0, 0.0);
+        add_point(w, 20.0 * cos(heading), 20.0 * sin(heading));
+        add_point(w, (20.0 - jitter) * cos(heading), (20.0 - jitter) * sin(heading));
+        add_point(w, 20.0 * cos(heading), 20.0 * sin(heading));
+        add_point(w, 20.0 * cos(heading) + leg * cos(back), 20.0 * sin(heading) + leg * sin(back));
+        const double degrees = fabs(turn) * 180.0 / 3.14159265358979;
+        if (degrees > 150.001) {
+            refused(w, "centerline", "doubles back");
+        } else if (degrees < 149.999 && !accepted(w)) {
+            fail_msg("a turn of %g degrees is refused", degrees);
+        }
+        world_free(w);
+    }
+}
+
+static void test_a_successor_goes_on_within_ninety_degrees(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("successors");
+    for (uint32_t round = 0; round < test_rounds(500); ++round) {
+        const double end = test_rng_between(&rng, -3.1, 3.1);
+        // Every fourth is a corner of a block, whatever rounding makes of it.
+        const double turn = round % 4 == 0 ? 1.5707963267948966
+                                           : test_rng_between(&rng, -3.14159, 3.14159);
+        const double gap = test_rng_between(&rng, 0.0, 19.0);
+        world* w = world_new();
+        add_lane(w, -1, -1); // its last step is shorter than what tells a direction, and backwards
+        add_straight(w, 0.0, 0.0, 50.0 * cos(end), 50.0 * sin(end));
+        add_point(w, 49.9 * cos(end), 49.9 * sin(end));
+        leads_to(w, 0, 1);
+        add_lane(w, -1, -1);
+        const double x = (49.9 + gap) * cos(end), y = (49.9 + gap) * sin(end);
+        add_straight(w, x, y, x + 30.0 * cos(end + turn), y + 30.0 * sin(end + turn));
+        const double degrees = fabs(turn) * 180.0 / 3.14159265358979;
+        if (degrees > 90.001) {
+            refused(w, "successors", "within 90 degrees");
+        } else if ((degrees < 89.999 || round % 4 == 0) && !accepted(w)) {
+            fail_msg("a successor at %g degrees is refused", degrees);
+        }
+        world_free(w);
+    }
+}
+
+static void test_stretches_may_touch_and_an_empty_list_needs_no_neighbour(void** state)
+{
+    (void)state;
+    world* w = two_lanes();
+    w->lanes[0].change_left_given = true;
+    w->lanes[0].change_left_count = 3;
+    w->lanes[0].change_left[0] = (verge_stretch){ 50.0, 103.0 }; // "to the end", measured roughly
+    w->lanes[0].change_left[1] = (verge_stretch){ 0.0, 20.0 };
+    w->lanes[0].change_left[2] = (verge_stretch){ 20.0, 50.0 };
+    w->lanes[0].change_right_given = true;
+    assert_true(accepted(w));
+    world_free(w);
+}
+
+/// A random walk with jumps, sharp corners and repeated points that the check lets pass.
+static void add_hostile_lane(world* w, test_rng* rng)
+{
+    const double reach = test_rng_below(rng, 2) == 0 ? 1.0 : 20.0;
+    const uint32_t n = 2 + test_rng_below(rng, 30);
+    verge_lane_def* lane = add_lane(w, -1, -1);
+    do {
+        double x = 0.0, y = 0.0, heading = test_rng_between(rng, -3.1, 3.1);
+        lane->point_count = 0;
+        add_point(w, 0.0, 0.0);
+        for (uint32_t k = 1; k < n; ++k) {
+            const bool repeat = test_rng_below(rng, 4) == 0;
+            const double step = repeat ? 0.0 : test_rng_between(rng, 0.0, reach);
+            heading += test_rng_between(rng, -2.6, 2.6);
+            x += step * cos(heading);
+            y += step * sin(heading);
+            add_point(w, x, y);
+        }
+        add_point(w, 1.0, 0.0); // where the next one starts, nearly
+    } while (!accepted(w));
+}
+
 static void test_hostile_surveys_build_without_nonsense(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("hostile surveys");
     for (uint32_t round = 0; round < test_rounds(60); ++round) {
-        world* w = world_new(); // whatever passes the check must build: jumps, hairpins, repeats
+        world* w = world_new(); // whatever passes the check must build
         const uint32_t lanes = 1 + test_rng_below(&rng, 6);
         for (uint32_t i = 0; i < lanes; ++i) {
+            add_hostile_lane(w, &rng);
+        }
+        for (uint32_t i = 0; i < lanes; ++i) {
             const int32_t left = (int32_t)test_rng_below(&rng, lanes);
-            add_lane(w, left == (int32_t)i ? -1 : left, -1);
-            double x = 0.0, y = 0.0;
-            const uint32_t n = 2 + test_rng_below(&rng, 30);
-            const double reach = test_rng_below(&rng, 2) == 0 ? 1.0 : 20.0;
-            add_point(w, 0.0, 0.0);
-            for (uint32_t k = 1; k < n; ++k) {
-                const bool repeat = test_rng_below(&rng, 4) == 0;
-                x += repeat ? 0.0 : test_rng_between(&rng, -reach, reach);
-                y += repeat ? 0.0 : test_rng_between(&rng, -reach, reach);
-                add_point(w, x, y);
-            }
-            add_point(w, 1.0, 0.0);
+            w->lanes[i].left = left == (int32_t)i ? -1 : left;
             leads_to(w, i, (int32_t)((i + 1) % lanes));
+            if (!accepted(w)) {
+                w->lanes[i].successor_count = 0; // it would turn round
+            }
         }
         build(w);
         for (uint32_t i = 0; i < lanes; ++i) {
@@ -687,6 +825,7 @@ int main(void)
         cmocka_unit_test(test_a_body_is_on_the_lane_that_fits_its_heading),
         cmocka_unit_test(test_neighbours_share_stations_and_know_their_gaps),
         cmocka_unit_test(test_concentric_lanes_are_side_by_side_at_equal_stations),
+        cmocka_unit_test(test_speeds_fall_before_bends_and_slower_lanes),
         cmocka_unit_test(test_a_merge_aligns_both_lanes_at_its_point),
         cmocka_unit_test(test_a_diverge_leaves_the_branch_not_taken_out_of_sight),
         cmocka_unit_test(test_a_crossing_conflicts_where_it_crosses_as_often_as_it_does),
@@ -695,6 +834,9 @@ int main(void)
         cmocka_unit_test(test_a_path_is_its_anchor_and_smooth_beyond_it),
         cmocka_unit_test(test_a_path_goes_straight_on_where_the_road_ends),
         cmocka_unit_test(test_every_broken_road_is_refused_with_its_reason),
+        cmocka_unit_test(test_a_centreline_may_turn_sharply_but_not_double_back),
+        cmocka_unit_test(test_a_successor_goes_on_within_ninety_degrees),
+        cmocka_unit_test(test_stretches_may_touch_and_an_empty_list_needs_no_neighbour),
         cmocka_unit_test(test_hostile_surveys_build_without_nonsense),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

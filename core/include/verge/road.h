@@ -22,14 +22,15 @@ typedef struct verge_stretch {
 
 typedef struct verge_lane_def {
     int32_t id;                     ///< >= 0, unique
-    const double (*points)[2];      ///< [m] x, y in travel direction
+    const double (*points)[2];      ///< [m] x, y in travel direction; no turn beyond 150 degrees
     uint32_t point_count;           ///< 2 .. VERGE_LANE_POINTS_MAX
     double   width;                 ///< [m] 1.5 .. 20
     double   speed_limit;           ///< [m/s] 0.5 .. 60
     int32_t  left, right;           ///< lane id of the same-direction neighbour, or VERGE_NO_LANE
-    int32_t  successors[VERGE_SUCCESSORS_MAX];
+    int32_t  successors[VERGE_SUCCESSORS_MAX]; ///< start within 20 m and 90 degrees of this end
     uint32_t successor_count;
     bool     change_left_given, change_right_given; ///< false: allowed wherever the neighbour is beside
+    /// Not empty, apart from one another; none where there is no neighbour.
     verge_stretch change_left[VERGE_STRETCHES_MAX], change_right[VERGE_STRETCHES_MAX];
     uint32_t change_left_count, change_right_count;
 } verge_lane_def;

@@ -1,0 +1,236 @@
+/// verge-experiment: the paper's experiments and ours, by name. Each gives rows: a table on
+/// standard output, JSON, Markdown and run files in the folder of results.
+///
+/// Finished experiments stand in the folder as soon as they end: after an interrupt they are
+/// whole, and the one under way has left no rows. Nothing depends on the number of threads.
+#include "common/number.h"
+#include "common/options.h"
+#include "common/output.h"
+#include "experiments.h"
+#include "must.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { repeats_max = 100000 };
+
+typedef struct request {
+    const char* only;
+    const char* repeats_text;
+    const char* seed_text;
+    const char* json;
+    bool        list, no_progress;
+    uint64_t    repeats; ///< 0: each experiment's own
+} request;
+
+static bool usage_check(const request* with, const lab* self);
+static bool folder_make(const char* path);
+static bool file_check(const char* path);
+static int  run_all(const request* with, lab* self);
+static bool run_one(const experiment* one, lab* self, table* rows);
+static bool write_json(const char* path, const table* all, uint32_t count);
+
+int main(int argc, char** argv)
+{
+    request with = { 0 };
+    lab     self = { .scenarios = VERGE_SCENARIOS, .recordings = VERGE_RECORDINGS,
+                     .out = "out/experiments", .seed = 1 };
+    const option_entry options[] = {
+        { "--only", "NAME", "runs this experiment only", &with.only, NULL },
+        { "--repeats", "N", "seeds, or scenes, of each setting (default: each experiment's own)",
+          &with.repeats_text, NULL },
+        { "--seed", "N", "seed of the first repeat; the next ones count on (default 1)",
+          &with.seed_text, NULL },
+        { "--json", "FILE", "writes the rows to this file, too", &with.json, NULL },
+        { "--out", "DIR", "folder of results (default out/experiments)", &self.out, NULL },
+        { "--scenarios", "DIR", "takes the scenario files from DIR", &self.scenarios, NULL },
+        { "--recordings", "DIR", "takes recorded traffic from DIR", &self.recordings, NULL },
+        { "--scenes", NULL, "writes generated scenarios to the folder of results", NULL,
+          &self.scenes },
+        { "--list", NULL, "names the experiments", NULL, &with.list },
+        { "--no-progress", NULL, "does not say how far it is", NULL, &with.no_progress },
+    };
+    const program this = {
+        .name = "verge-experiment",
+        .text = "Runs the experiments of the paper and prints their tables.",
+        .options = options,
+        .option_count = sizeof options / sizeof options[0],
+        .usage_status = 2,
+    };
+    int status = 0;
+    bool repeats_given = false;
+    if (!options_parse(&this, argc, argv, NULL, &status)) {
+        return status;
+    }
+    if (!options_u64(&this, "--repeats", with.repeats_text, &with.repeats, &repeats_given)
+        || !options_u64(&this, "--seed", with.seed_text, &self.seed, NULL)) {
+        return 2;
+    }
+    for (uint32_t i = 0; with.list && i < experiment_count; i++) {
+        printf("%-14s %s\n", experiments[i].name, experiments[i].text);
+    }
+    if (with.list) {
+        return 0;
+    }
+    if (repeats_given && (with.repeats == 0 || with.repeats > repeats_max)) {
+        fprintf(stderr, "verge-experiment:--repeats: is %s, expected 1 to %d\n", with.repeats_text,
+                repeats_max);
+        return 2;
+    }
+    if (!usage_check(&with, &self)) {
+        return 2;
+    }
+    self.progress = !with.no_progress && isatty(STDERR_FILENO) != 0;
+    lab_catch_signals();
+    return run_all(&with, &self);
+}
+
+static bool usage_check(const request* with, const lab* self)
+{
+    bool known = with->only == NULL;
+    for (uint32_t i = 0; !known && i < experiment_count; i++) {
+        known = strcmp(experiments[i].name, with->only) == 0;
+    }
+    if (!known) {
+        fprintf(stderr, "verge-experiment:--only: there is no experiment \"%s\", expected",
+                with->only);
+        for (uint32_t i = 0; i < experiment_count; i++) {
+            fprintf(stderr, "%s %s", i > 0 ? "," : "", experiments[i].name);
+        }
+        fputc('\n', stderr);
+        return false;
+    }
+    char probe[4096];
+    snprintf(probe, sizeof probe, "%s/.probe", self->out);
+    if (!folder_make(self->out) || !file_check(probe)) {
+        fprintf(stderr, "%s:folder: cannot be written (%s), expected a folder for results\n",
+                self->out, strerror(errno));
+        return false;
+    }
+    if (with->json != NULL && !file_check(with->json)) {
+        fprintf(stderr, "%s:file: cannot be written (%s)\n", with->json, strerror(errno));
+        return false;
+    }
+    return true;
+}
+
+/// With all folders above it. False (errno).
+static bool folder_make(const char* path)
+{
+    char part[4096];
+    if ((size_t)snprintf(part, sizeof part, "%s", path) >= sizeof part) {
+        errno = ENAMETOOLONG;
+        return false;
+    }
+    for (char* at = part + 1; part[0] != '\0' && *at != '\0'; at++) {
+        if (*at == '/') {
+            *at = '\0';
+            if (mkdir(part, 0777) != 0 && errno != EEXIST) {
+                return false;
+            }
+            *at = '/';
+        }
+    }
+    return mkdir(part, 0777) == 0 || errno == EEXIST;
+}
+
+/// Could it be written? Nothing is left behind. False (errno).
+static bool file_check(const char* path)
+{
+    static output file; // large
+    const bool good = output_open(&file, path);
+    const int  reason = errno;
+    output_abandon(&file);
+    errno = reason;
+    return good;
+}
+
+static int run_all(const request* with, lab* self)
+{
+    table*   all = must_calloc(experiment_count, sizeof *all);
+    uint32_t done = 0;
+    bool     good = true;
+    for (uint32_t i = 0; good && i < experiment_count; i++) {
+        const experiment* one = &experiments[i];
+        if (with->only != NULL && strcmp(one->name, with->only) != 0) {
+            continue;
+        }
+        self->repeats = with->repeats > 0 ? (uint32_t)with->repeats : one->repeats;
+        good = run_one(one, self, &all[done]);
+        done += good ? 1 : 0;
+        good = good && (with->json == NULL || write_json(with->json, all, done));
+    }
+    if (lab_interrupted()) {
+        fprintf(stderr, "verge-experiment:interrupted: %u finished, results in %s\n", done,
+                self->out);
+    }
+    for (uint32_t i = 0; i < experiment_count; i++) {
+        table_free(&all[i]);
+    }
+    free(all);
+    return good ? 0 : 1;
+}
+
+/// Rows to standard output and to the folder of results.
+static bool run_one(const experiment* one, lab* self, table* rows)
+{
+    char   name[128];
+    char*  text = NULL;
+    char*  notes = NULL;
+    size_t size = 0, notes_size = 0;
+    *rows = (table){ .experiment = one->name };
+    self->experiment = one->name;
+    self->notes = must(open_memstream(&notes, &notes_size));
+    bool good = one->run(self, rows);
+    fclose(self->notes);
+    self->notes = NULL;
+    lab_clear(self);
+    if (good) {
+        FILE* out = must(open_memstream(&text, &size));
+        table_write_json(out, rows);
+        fclose(out);
+        snprintf(name, sizeof name, "%s.json", one->name);
+        good = lab_write(self, name, text, size);
+        free(text);
+        text = NULL;
+    }
+    if (good) {
+        FILE* out = must(open_memstream(&text, &size));
+        fprintf(out, "## %s\n\n%s Repeats: %u. Seed: %llu.\n", one->name, one->text, self->repeats,
+                (unsigned long long)self->seed);
+        table_write_markdown(out, rows);
+        fputs(notes, out);
+        fclose(out);
+        snprintf(name, sizeof name, "%s.md", one->name);
+        good = lab_write(self, name, text, size);
+        good = good && printf("%s\n", text) >= 0 && fflush(stdout) == 0;
+        free(text);
+    }
+    free(notes);
+    return good;
+}
+
+/// One experiment as it is, several in an array.
+static bool write_json(const char* path, const table* all, uint32_t count)
+{
+    static output file; // large
+    bool good = output_open(&file, path);
+    if (good && count > 1) {
+        fputs("{\"experiments\": [\n", file.stream);
+    }
+    for (uint32_t i = 0; good && i < count; i++) {
+        fputs(i > 0 ? "," : "", file.stream);
+        table_write_json(file.stream, &all[i]);
+    }
+    if (good && count > 1) {
+        fputs("]}\n", file.stream);
+    }
+    good = good && output_close(&file);
+    if (!good) {
+        fprintf(stderr, "%s:file: cannot be written (%s)\n", path, strerror(errno));
+        output_abandon(&file);
+    }
+    return good;
+}

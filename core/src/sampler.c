@@ -165,7 +165,7 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
                                    1.0 / vg_max(def->comfort_lateral, 1.05 * lateral),
                                    1.0 / def->comfort_jerk };
     vg_target_sample(batch, job, segment, path, lane, &state, def->point_s * (batch->last - start),
-                     chain->emergency);
+                     chain->tracks, chain->emergency);
     vg_batch_run(batch, def, &job->vehicle->habit.weights, chain->tracks, job->track_index);
     ws->evaluated += batch->leg_count * batch->offset_count;
     return true;

@@ -2,6 +2,7 @@
 #include "target.h"
 
 #include "contract.h"
+#include "follow.h"
 
 /// Region of end speeds. Below zero means a stop before the segment ends: a braking that would
 /// go on below zero is one that stops early. [m/s]
@@ -11,7 +12,8 @@ typedef struct region {
 } region;
 
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
-                           const vg_state* start, double T, bool emergency);
+                           const vg_following* following, const vg_state* start, bool emergency);
+static double least_speed(const vg_state* start, double T, double jerk);
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
 
 bool vg_action_changes_lane(verge_action action)
@@ -21,7 +23,7 @@ bool vg_action_changes_lane(verge_action action)
 
 void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segment,
                       const vg_path* path, uint32_t reference, const vg_state* start, double T,
-                      bool emergency)
+                      const vg_tracks* tracks, bool emergency)
 {
     const verge_planner_def* def = job->def;
     VERGE_ASSERT(def->sample_speeds >= 1 && def->sample_speeds <= VERGE_SAMPLE_SPEEDS_MAX);
@@ -40,7 +42,9 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
     }
 
     // A third of the speeds goes to braking below the region, where there is any.
-    const region v = speed_region(job, segment, reference, start, T, emergency);
+    const vg_following following = { path, tracks, job->track_index, batch->start, batch->last, T,
+                                     def->idm_gap, def->clearance };
+    const region v = speed_region(job, segment, reference, &following, start, emergency);
     double speeds[VERGE_SAMPLE_SPEEDS_MAX];
     const uint32_t braking = v.floor < v.low ? def->sample_speeds / 3 : 0;
     for (uint32_t i = 0; i < braking; i += 1) {
@@ -56,30 +60,40 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
         leg->profile = vg_profile_to_speed(start, vg_max(v1, 0.0), vg_max(stop, 1e-3));
         vg_leg_link(leg, start, T, low, high);
         batch->leg_penalties[i] = VG_DECISION_PULL * points
-                                * vg_square(vg_max(v1, 0.0) - v.centre);
+                                * vg_square(vg_max(v1, vg_min(v.centre, 0.0)) - v.centre);
     }
 }
 
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
-                           const vg_state* start, double T, bool emergency)
+                           const vg_following* following, const vg_state* start, bool emergency)
 {
     const verge_planner_def* def = job->def;
     const bool changing = vg_action_changes_lane(segment->action);
     const double half = changing ? def->region_speed : def->keep_region_speed;
-    const double v0 = start->s_t;
-    const double top = vg_max(job->road->lanes[reference].speed_limit, v0);
+    const double v0 = start->s_t, T = following->T;
+    const double eased = vg_max(v0 - VG_LIMIT_BRAKING * T,
+                                least_speed(start, T, 0.9 * def->comfort_jerk));
+    const double top = vg_max(job->road->lanes[reference].speed_limit, eased);
     region v;
     v.centre = vg_clamp(segment->v, 0.0, top);
     v.high = vg_clamp(segment->v + half, 0.0, top);
-    v.low = vg_max(vg_min(segment->v - half, v.centre), 0.0);
-    v.floor = v.low;
-    if (!changing) {
-        // The profile's first jerk is (6 (v1 - v0) - 4 a0 T) / T^2; the limit gives the floor.
-        const double jerk = emergency ? VG_JERK_MAX : def->comfort_jerk;
-        const double least = v0 + (4.0 * start->s_tt * T - 0.98 * jerk * T * T) / 6.0;
-        v.floor = vg_min(v.low, vg_max(least, -v0 - 1.0)); // a stop after half of T at least
-    }
+
+    // A stop after half of T at least, and no braking that the jerk limit does not allow.
+    const double jerk = emergency ? VG_JERK_MAX : def->comfort_jerk;
+    const double hardest = vg_max(least_speed(start, T, 0.98 * jerk), -v0 - 1.0);
+    const double follow = vg_follow_speed(following, start, VG_FOLLOW_BRAKING);
+    v.centre = vg_min(v.centre, vg_max(follow, hardest));
+    const double follow_hard = vg_follow_speed(following, start, def->comfort_braking);
+    v.high = vg_min(v.high, vg_max(follow_hard, vg_max(v.centre, 0.0)));
+    v.low = vg_min(vg_max(segment->v - half, 0.0), v.centre);
+    v.floor = changing ? v.low : vg_min(v.low, hardest);
     return v;
+}
+
+/// Lowest end speed whose profile begins with at most this jerk: (6 (v1 - v0) - 4 a0 T) / T^2.
+static double least_speed(const vg_state* start, double T, double jerk)
+{
+    return start->s_t + (4.0 * start->s_tt * T - jerk * T * T) / 6.0;
 }
 
 /// Uniform, and the sample nearest to the centre is the centre itself.

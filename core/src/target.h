@@ -23,11 +23,16 @@ extern "C" {
 /// change would end at the near edge of its region, always. Per point [1/m^2].
 #define VG_DECISION_PULL_OFFSET 1.0
 
-/// Fills legs, penalties and offsets of a batch for one segment of length T from a state.
+/// Slowing down towards a speed limit that is lower than the speed driven. [m/s^2] coasting
+#define VG_LIMIT_BRAKING 1.5
+
+/// Fills legs, penalties and offsets of a batch for one segment of length T from a state, between
+/// the batch's instants. The region comes down where someone is ahead (follow.h), and where the
+/// vehicle is faster than the speed limit.
 /// reference: the lane the path follows, whose speed limit holds.
 void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segment,
                       const vg_path* path, uint32_t reference, const vg_state* start, double T,
-                      bool emergency);
+                      const vg_tracks* tracks, bool emergency);
 
 bool vg_action_changes_lane(verge_action action);
 

@@ -102,7 +102,8 @@ static void random_batch(test_rng* rng, scene** out, vg_batch* batch, vg_path* p
     batch->last = w->def.points - 1;
     batch->in_lane = false;
     batch->comfort = (vg_comfort){ 1.0 / 4.0, 1.0 / 6.0, 1.0 / 4.0, 1.0 / 4.0 };
-    vg_target_sample(batch, job, &job->segments[0], path, 2, &start, 3.0, false);
+    vg_target_sample(batch, job, &job->segments[0], path, 2, &start, 3.0, &w->tracks,
+                     false);
 }
 
 static void test_fast_cost_equals_the_slow_reading_of_the_paper(void** state)

@@ -43,14 +43,17 @@ typedef struct settings {
     const char* instructions;  // "2:5000,4:6000": counted elsewhere
     const char* only_search;   // "4": one search row, for the counter
     const char* only_iterations;
+    uint64_t    seed;          // of scenes and searches
+    bool        seeded;        // then also of the cycle scenarios
 } settings;
 
 static bool   open_scene(bench_scene* self);
-static void   fill_scene(bench_scene* self, uint32_t planned, uint64_t seed);
+static void   fill_scene(bench_scene* self, uint32_t planned, uint64_t seed, uint32_t number);
 static void   bench_search(bench_scene* self, const settings* with);
 static void   bench_sampler(bench_scene* self, const settings* with);
 static bool   cycle_scenarios_load(const settings* with);
 static void   bench_cycles(const settings* with);
+static int    print_document(bench_scene* self, const settings* with);
 static int    count_only(bench_scene* self, const settings* with);
 static void   print_machine(void);
 
@@ -63,11 +66,15 @@ static double cpu_seconds(void)
 
 int main(int argc, char** argv)
 {
-    settings with = { .scenarios = VERGE_SCENARIOS };
+    settings with = { .scenarios = VERGE_SCENARIOS, .seed = 1 };
+    const char* seed_text = NULL;
     const option_entry options[] = {
         { "--quick", NULL, "ends within 30 s", NULL, &with.quick },
+        { "--seed", "N", "seeds scenes, searches and cycles; without it 1, and the scenarios' own",
+          &seed_text, NULL },
         { "--scenarios", "DIR", "takes the cycle scenarios from DIR", &with.scenarios, NULL },
-        { "--instructions", "LIST", "instructions an iteration, as 2:N,4:N,.. (tools/bench-instructions)",
+        { "--instructions", "LIST",
+          "instructions an iteration, as 2:N,4:N,.. (tools/bench-instructions)",
           &with.instructions, NULL },
         { "--only-search", "K", "runs one search with K controlled vehicles and prints nothing",
           &with.only_search, NULL },
@@ -84,6 +91,9 @@ int main(int argc, char** argv)
     if (!options_parse(&self, argc, argv, NULL, &status)) {
         return status;
     }
+    if (!options_u64(&self, "--seed", seed_text, &with.seed, &with.seeded)) {
+        return 2;
+    }
     static bench_scene scene;
     if (!open_scene(&scene)) {
         fputs("verge-bench:memory: there is not enough of it\n", stderr);
@@ -95,14 +105,20 @@ int main(int argc, char** argv)
     if (!cycle_scenarios_load(&with)) {
         return 2;
     }
+    status = print_document(&scene, &with);
+    free(scene.memory);
+    return status;
+}
+
+static int print_document(bench_scene* self, const settings* with)
+{
     printf("{\"format\": \"verge-bench/1\",\n \"machine\": ");
     print_machine();
     printf(",\n \"build\": \"%s, %s\",\n", VERGE_BUILD, VERGE_COMPILER);
-    bench_search(&scene, &with);
-    bench_sampler(&scene, &with);
-    bench_cycles(&with);
+    bench_search(self, with);
+    bench_sampler(self, with);
+    bench_cycles(with);
     printf("}\n");
-    free(scene.memory);
     if (fflush(stdout) != 0 || ferror(stdout)) {
         fprintf(stderr, "verge-bench:standard output: %s\n", strerror(errno));
         return 1;
@@ -175,9 +191,10 @@ static bool crowded(const bench_scene* self, uint32_t count)
     return false;
 }
 
-static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed)
+// Scene number so and so of a seed.
+static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed, uint32_t number)
 {
-    vg_random random = vg_random_from(seed, 7);
+    vg_random random = vg_random_from(number, 6 + seed);
     const uint32_t count = planned + humans;
     for (uint32_t i = 0; i < count; ++i) {
         verge_vehicle* v = &self->vehicles[i];
@@ -194,7 +211,8 @@ static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed)
         v->y = 4.0 * (double)at->lane;
         v->speed = 4.0 + 0.1 * vg_random_below(&random, 40);
         if (v->controlled) {
-            const bool left = at->lane == 0 || (at->lane < lane_total - 1 && vg_random_below(&random, 2) == 0);
+            const bool left = at->lane == 0 || (at->lane < lane_total - 1 &&
+                                                vg_random_below(&random, 2) == 0);
             v->target_lane = (int32_t)at->lane + (left ? 1 : -1);
         }
     }
@@ -228,16 +246,16 @@ static void bench_search(bench_scene* self, const settings* with)
     printf(" \"search\": [");
     for (size_t row = 0; row < sizeof planned / sizeof planned[0]; ++row) {
         double seconds = 0.0, reward = 0.0;
-        for (uint32_t seed = 0; seed < scenes; ++seed) {
-            fill_scene(self, planned[row], seed);
-            vg_random random = vg_random_from(1, seed);
+        for (uint32_t number = 0; number < scenes; ++number) {
+            fill_scene(self, planned[row], with->seed, number);
+            vg_random random = vg_random_from(with->seed, number);
             const double start = cpu_seconds();
             vg_mcts_run(self->tree, &self->scene, &self->root, &random, NULL, &self->decision);
             seconds += cpu_seconds() - start;
             reward += self->decision.report.reward;
         }
-        printf("%s\n  {\"controlled\": %u, \"humans\": %d, \"iterations\": %d, \"iterations_per_s\": ",
-               row > 0 ? "," : "", planned[row], humans, iterations);
+        printf("%s\n  {\"controlled\": %u, \"humans\": %d, \"iterations\": %d,"
+               " \"iterations_per_s\": ", row > 0 ? "," : "", planned[row], humans, iterations);
         number_write(stdout, (double)scenes * iterations / seconds);
         printf(", \"instructions_per_iteration\": ");
         const double counted = instructions_of(with->instructions, planned[row]);
@@ -262,8 +280,8 @@ static int count_only(bench_scene* self, const settings* with)
         return 2;
     }
     self->def.iterations = (uint32_t)budget;
-    fill_scene(self, (uint32_t)planned, 3);
-    vg_random random = vg_random_from(1, 3);
+    fill_scene(self, (uint32_t)planned, with->seed, 3);
+    vg_random random = vg_random_from(with->seed, 3);
     vg_mcts_run(self->tree, &self->scene, &self->root, &random, NULL, &self->decision);
     free(self->memory);
     return self->decision.report.iterations == budget ? 0 : 1;
@@ -275,8 +293,8 @@ static void bench_sampler(bench_scene* self, const settings* with)
 {
     enum { others = 8, candidates = 1000 };
     const uint32_t repeats = with->quick ? 200 : 1000;
-    fill_scene(self, others + 1 - humans, 5);
-    vg_random random = vg_random_from(1, 5);
+    fill_scene(self, others + 1 - humans, with->seed, 5);
+    vg_random random = vg_random_from(with->seed, 5);
     vg_mcts_run(self->tree, &self->scene, &self->root, &random, NULL, &self->decision);
     vg_predict_tracks(&self->tracks, &self->scene, &self->root, &self->decision, self->vehicles,
                       self->placed, self->scene.count);
@@ -326,7 +344,7 @@ static bool cycle_scenarios_load(const settings* with)
     return true;
 }
 
-static void bench_cycle(const char* folder, const char* name, uint32_t repeats, bool first)
+static void bench_cycle(const settings* with, const char* name, uint32_t repeats, bool first)
 {
     static double        ms[cycles_max];
     static verge_plan    plan;
@@ -334,8 +352,8 @@ static void bench_cycle(const char* folder, const char* name, uint32_t repeats, 
     char     path[4096];
     scenario scene;
     world    start;
-    snprintf(path, sizeof path, "%s/%s.json", folder, name);
-    if (!scenario_load(&scene, path, NULL)) {
+    snprintf(path, sizeof path, "%s/%s.json", with->scenarios, name);
+    if (!scenario_load(&scene, path, with->seeded ? &with->seed : NULL)) {
         fputs(scene.file.error, stderr);
         return;
     }
@@ -359,7 +377,8 @@ static void bench_cycle(const char* folder, const char* name, uint32_t repeats, 
     number_write(stdout, ms[repeats * 99 / 100]);
     printf(", \"ms_max\": ");
     number_write(stdout, ms[repeats - 1]);
-    printf(", \"arena_bytes\": %zu, \"arena_peak_bytes\": %zu}", counters.arena_size, counters.arena_peak);
+    printf(", \"arena_bytes\": %zu, \"arena_peak_bytes\": %zu}", counters.arena_size,
+           counters.arena_peak);
     world_free(&start);
     scenario_free(&scene);
 }
@@ -368,7 +387,7 @@ static void bench_cycles(const settings* with)
 {
     printf(" \"cycle\": [");
     for (size_t k = 0; k < sizeof cycle_names / sizeof cycle_names[0]; ++k) {
-        bench_cycle(with->scenarios, cycle_names[k], with->quick ? 100 : cycles_max, k == 0);
+        bench_cycle(with, cycle_names[k], with->quick ? 100 : cycles_max, k == 0);
         fflush(stdout);
     }
     printf("]\n");

@@ -1,5 +1,5 @@
 /// See json.h. The parser is cJSON's; what it lets pass (keys that appear twice, numbers that
-/// overflow) is checked here over the whole document once.
+/// overflow or are spelled as in C) is checked here over the whole document once.
 #include "json.h"
 
 #include <errno.h>
@@ -12,6 +12,7 @@
 static bool read_file(const char* path, char** text, size_t* size);
 static size_t text_end(const char* text, size_t size);
 static void report_syntax(json_file* file, const char* text, const char* end);
+static bool check_numbers(json_file* file, const char* text);
 static void check_values(const json_at* at);
 static void path_write(const json_at* at, char* text, size_t size);
 static const char* kind_of(const json_at* at);
@@ -63,7 +64,7 @@ bool json_file_parse(json_file* file, const char* name, const char* text, size_t
     file->document = cJSON_ParseWithOpts(copy, &end, true);
     if (file->document == NULL) {
         report_syntax(file, copy, end);
-    } else {
+    } else if (check_numbers(file, copy)) {
         const json_at root = json_root(file);
         check_values(&root);
     }
@@ -102,7 +103,12 @@ json_at json_element(const json_at* of, const cJSON* node, uint32_t index)
 
 bool json_given(const json_at* at)
 {
-    return at->node != NULL && !cJSON_IsNull(at->node);
+    return at->node != NULL;
+}
+
+bool json_none(const json_at* at)
+{
+    return at->node == NULL || cJSON_IsNull(at->node);
 }
 
 bool json_fail(const json_at* at, const char* format, ...)
@@ -357,9 +363,75 @@ static void report_syntax(json_file* file, const char* text, const char* end)
              at_end ? "ends too early" : "cannot read \"", near, at_end ? "" : "\"");
 }
 
+static const char* skip_digits(const char* at)
+{
+    while (*at >= '0' && *at <= '9') {
+        at++;
+    }
+    return at;
+}
+
+/// The end of a number spelled as JSON spells it, RFC 8259 section 6; null: there is none here.
+static const char* number_end(const char* at)
+{
+    at += *at == '-';
+    const char* whole = at;
+    at = *at == '0' ? at + 1 : skip_digits(at);
+    if (at == whole) {
+        return NULL;
+    }
+    if (*at == '.') {
+        const char* fraction = at + 1;
+        at = skip_digits(fraction);
+        if (at == fraction) {
+            return NULL;
+        }
+    }
+    if (*at == 'e' || *at == 'E') {
+        at += at[1] == '+' || at[1] == '-' ? 2 : 1;
+        const char* exponent = at;
+        at = skip_digits(exponent);
+        if (at == exponent) {
+            return NULL;
+        }
+    }
+    return at;
+}
+
+/// The parser reads numbers as C does: 015 and 15. pass. text has been parsed without an error,
+/// so outside of strings a digit or a sign begins a number.
+static bool check_numbers(json_file* file, const char* text)
+{
+    uint32_t line = 1;
+    bool     inside = false; // of a string
+    for (const char* c = text; *c != '\0'; c++) {
+        line += *c == '\n';
+        if (*c == '"') {
+            inside = !inside;
+        } else if (inside) {
+            c += *c == '\\'; // what it escapes is no end of the string
+        } else if (strchr("+-.0123456789", *c) != NULL) {
+            const size_t length = strspn(c, "+-.eE0123456789");
+            if (number_end(c) != c + length) {
+                snprintf(file->error, sizeof file->error,
+                         "%s:%u: \"%.*s\" is no number of JSON, expected one like 15, 15.0 or"
+                         " 1e-3\n", file->name, line, length < 24 ? (int)length : 24, c);
+                return false;
+            }
+            c += length - 1;
+        }
+    }
+    return true;
+}
+
 /// Depth is bounded by the parser (1,000 levels).
 static void check_values(const json_at* at)
 {
+    const int keys = cJSON_IsObject(at->node) ? cJSON_GetArraySize(at->node) : 0;
+    if (keys > JSON_KEYS_MAX) {
+        json_fail(at, "has %d keys, expected at most %d", keys, JSON_KEYS_MAX);
+        return;
+    }
     if (cJSON_IsNumber(at->node) && !isfinite(at->node->valuedouble)) {
         json_fail(at, "is too large, expected a finite number");
     }

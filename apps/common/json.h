@@ -11,8 +11,10 @@
 ///             line `file:field: what is wrong, what was expected` (the field as a path such as
 ///             road.lanes[3].width; a syntax error names the line instead) and later troubles
 ///             are ignored. After it the getters still return a value inside the asked range.
-/// Strictness  NaN, numbers too large for a double, a key that appears twice, text after the
-///             document and files above JSON_FILE_SIZE_MAX are refused.
+/// Strictness  NaN, numbers JSON has no spelling for (015, 15., .5, +1, 0x1f), numbers too large
+///             for a double, a key that appears twice, objects of more than JSON_KEYS_MAX keys,
+///             text after the document and files above JSON_FILE_SIZE_MAX are refused. null is a
+///             value of the wrong type wherever it is not said to mean "none".
 /// Memory      Heap, until json_file_free(). This is for start-up only.
 #ifndef VERGE_APPS_JSON_H
 #define VERGE_APPS_JSON_H
@@ -24,6 +26,9 @@
 
 enum { JSON_FILE_SIZE_MAX = 64 << 20 }; ///< [B]
 enum { JSON_ERROR_SIZE = 512 };         ///< [B]
+/// Keys of one object. No object of ours has half as many, and looking all of them up takes
+/// time that grows with the square of their number.
+enum { JSON_KEYS_MAX = 128 };
 
 typedef struct json_file {
     char*  name;      ///< as it appears in error lines
@@ -54,8 +59,10 @@ json_at json_root(json_file* file);
 json_at json_member(const json_at* of, const char* key);
 /// For walking an array: node is of's child, index its position.
 json_at json_element(const json_at* of, const cJSON* node, uint32_t index);
-/// Present, and not null.
+/// Present, whatever it is.
 bool json_given(const json_at* at);
+/// Absent or null: for the places where null means "none".
+bool json_none(const json_at* at);
 
 /// Reports trouble at this place: "what is wrong, what was expected". Returns false.
 bool json_fail(const json_at* at, const char* format, ...) __attribute__((format(printf, 2, 3)));

@@ -23,7 +23,7 @@ bool planner_def_from_json(const json_at* at, verge_planner_def* def)
         return at->file->error[0] == '\0';
     }
     if (!cJSON_IsObject(at->node)) {
-        return json_fail(at, "expected an object of planner parameters");
+        return json_fail(at, "is no object, expected one of planner parameters");
     }
     for (const cJSON* node = at->node->child; node != NULL; node = node->next) {
         const json_at member = json_member(at, node->string);
@@ -92,8 +92,8 @@ bool habit_from_json(const json_at* at, verge_habit* habit)
         return at->file->error[0] == '\0';
     }
     if (!cJSON_IsObject(at->node)) {
-        return json_fail(at, "expected \"aggressive\", \"normal\", \"conservative\" or an object"
-                             " with cooperation and weights");
+        return json_fail(at, "is no habit, expected \"aggressive\", \"normal\", \"conservative\" or"
+                             " an object with cooperation and weights");
     }
     const json_at weights = json_member(at, "weights");
     if (!json_expect_object(at, keys) || !json_expect_object(&weights, weight_keys)) {

@@ -137,7 +137,7 @@ static void stretches_from_json(const json_at* lane, const char* key, bool* give
 static int32_t lane_id_from_json(const json_at* lane, const char* key)
 {
     const json_at at = json_member(lane, key);
-    return json_given(&at) ? (int32_t)json_as_integer(&at, 0, INT32_MAX) : VERGE_NO_LANE;
+    return json_none(&at) ? VERGE_NO_LANE : (int32_t)json_as_integer(&at, 0, INT32_MAX);
 }
 
 /// The core's fault, at the place of the file it came from.

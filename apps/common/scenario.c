@@ -212,7 +212,7 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
     start->width = json_double(at, "width", 0.3, 4.0);
 
     const json_at target = json_member(at, "target_lane");
-    if (json_given(&target)) {
+    if (!json_none(&target)) {
         start->target_lane = (int32_t)json_as_integer(&target, 0, INT32_MAX);
         if (at->file->error[0] == '\0' && !has_lane(&scene->def.road, start->target_lane)) {
             json_fail(&target, "is lane %d, which the road does not have, expected a lane id",

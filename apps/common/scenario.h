@@ -8,8 +8,8 @@
 /// File        JSON, format "verge-scenario/1": name, road, vehicles; optional source, planner,
 ///             simulation {duration [s] 0.1 .. 3600, default 20; replan [s] 0.1 .. 5, default
 ///             0.5; both multiples of 0.1}. A vehicle has id, control ("controlled" or
-///             "human"), x, y, heading, speed, acceleration, length, width; optional target_lane,
-///             habit; a human may have a track of [t, x, y, heading, speed] rows, t growing.
+///             "human"), x, y, heading, speed, acceleration, length, width; optional target_lane
+///             (null or absent: none), habit; a human may have a track of [t, x, y, heading, speed] rows, t growing.
 /// Refused     What json.h, road_json.h and planner_json.h refuse; two vehicles with one id or
 ///             overlapping at t = 0; a vehicle whose first position is off every lane; more
 ///             vehicles than the planner's capacities; an unknown target_lane.

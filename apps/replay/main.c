@@ -2,7 +2,8 @@
 ///
 /// A run file of verge-sim holds its whole scenario, so it needs nothing else. A log of
 /// `verge-rsu --record` needs the configuration it was recorded with. Exit 0: every digest is
-/// the same; 1: one differs; 2: the recording or the command line is not usable.
+/// the same; 1: one differs; 2: the recording or the command line is not usable. With --seed the
+/// plans are other ones, so that digests differ unless it is the seed of the recording.
 #define _GNU_SOURCE
 #include "common/options.h"
 #include "common/world.h"
@@ -14,15 +15,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int  replay_run_file(const char* path, FILE* file);
-static int  replay_log(const char* path, const char* config_path);
+static int  replay_run_file(const char* path, FILE* file, const uint64_t* seed);
+static int  replay_log(const char* path, const char* config_path, const uint64_t* seed);
 
 int main(int argc, char** argv)
 {
     const char* config_path = NULL;
+    const char* seed_text = NULL;
     const option_entry table[] = {
         { "--config", "RSU.json", "for a log: the configuration it was recorded with",
           &config_path, NULL },
+        { "--seed", "N", "replaces the recorded seed: digests differ unless it is the same",
+          &seed_text, NULL },
     };
     const program self = {
         .name = "verge-replay",
@@ -34,9 +38,15 @@ int main(int argc, char** argv)
     };
     const char* path = NULL;
     int status = 0;
+    uint64_t seed_value = 0;
+    bool seeded = false;
     if (!options_parse(&self, argc, argv, &path, &status)) {
         return status;
     }
+    if (!options_u64(&self, "--seed", seed_text, &seed_value, &seeded)) {
+        return 2;
+    }
+    const uint64_t* seed = seeded ? &seed_value : NULL;
     FILE* file = fopen(path, "rb");
     // An LCM event log begins with its sync word, a run file with the brace of a JSON object.
     const int first = file != NULL ? getc(file) : EOF;
@@ -49,7 +59,8 @@ int main(int argc, char** argv)
         return 2;
     }
     rewind(file);
-    status = first == '{' ? replay_run_file(path, file) : replay_log(path, config_path);
+    status = first == '{' ? replay_run_file(path, file, seed)
+                          : replay_log(path, config_path, seed);
     fclose(file);
     return fflush(stdout) == 0 ? status : 1;
 }
@@ -69,7 +80,7 @@ static void tell_different(const char* path, int64_t cycle, const char* when, ui
 
 // ---- a log --------------------------------------------------------------------------------
 
-static int replay_log(const char* path, const char* config_path)
+static int replay_log(const char* path, const char* config_path, const uint64_t* seed)
 {
     char error[CONFIG_ERROR_SIZE];
     if (config_path == NULL) {
@@ -82,6 +93,7 @@ static int replay_log(const char* path, const char* config_path)
     const replay_options options = { .log_path = path };
     int code = config_load(&config, config_path, error);
     if (code == 0) {
+        config->planner.seed = seed != NULL ? *seed : config->planner.seed;
         code = replay_run(&options, config, &report, error);
     }
     config_free(config);
@@ -117,14 +129,14 @@ typedef struct recording {
     bool      complete;   // the last line has the metrics
 } recording;
 
-static bool read_recording(recording* self, const char* path, FILE* file);
+static bool read_recording(recording* self, const char* path, FILE* file, const uint64_t* seed);
 static int  compare(const char* path, const recording* self, world* world);
 
-static int replay_run_file(const char* path, FILE* file)
+static int replay_run_file(const char* path, FILE* file, const uint64_t* seed)
 {
     static recording self; // static: it is large
     int code = 2;
-    if (read_recording(&self, path, file)) {
+    if (read_recording(&self, path, file, seed)) {
         world world;
         if (world_init(&world, &self.scene)) {
             code = compare(path, &self, &world);
@@ -138,10 +150,10 @@ static int replay_run_file(const char* path, FILE* file)
     return code;
 }
 
-static bool read_head(recording* self, const char* path, json_file* line);
+static bool read_head(recording* self, const char* path, json_file* line, const uint64_t* seed);
 static bool read_line(recording* self, const char* path, json_file* line);
 
-static bool read_recording(recording* self, const char* path, FILE* file)
+static bool read_recording(recording* self, const char* path, FILE* file, const uint64_t* seed)
 {
     char*   text = NULL;
     size_t  room = 0;
@@ -154,7 +166,7 @@ static bool read_recording(recording* self, const char* path, FILE* file)
         json_file line;
         good = json_file_parse(&line, name, text, (size_t)size);
         if (good && number == 1) {
-            headed = good = read_head(self, name, &line);
+            headed = good = read_head(self, name, &line, seed);
         } else if (good) {
             good = read_line(self, name, &line);
         }
@@ -175,7 +187,7 @@ static bool read_recording(recording* self, const char* path, FILE* file)
 }
 
 /// The first line: builds the scenario of the run.
-static bool read_head(recording* self, const char* path, json_file* line)
+static bool read_head(recording* self, const char* path, json_file* line, const uint64_t* seed)
 {
     const json_at root = json_root(line);
     const json_at format = json_member(&root, "format");
@@ -188,7 +200,7 @@ static bool read_head(recording* self, const char* path, json_file* line)
     }
     char* text = cJSON_PrintUnformatted(scene.node);
     const bool built =
-        text != NULL && scenario_parse(&self->scene, path, text, strlen(text), NULL);
+        text != NULL && scenario_parse(&self->scene, path, text, strlen(text), seed);
     if (text == NULL) {
         fprintf(stderr, "%s: there is not enough memory\n", path);
     } else if (!built) {

@@ -92,15 +92,11 @@ static int read_document(config* self, const json_at* root)
 
 static bool read_bus(config* self, const json_at* root)
 {
-    static const char* const SCHEMES[] = { "lcm:", "dds:", "loop:", "log:" };
     const char* url = json_string(root, "bus");
     const json_at at = json_member(root, "bus");
-    bool known = false;
-    for (unsigned i = 0; i < sizeof SCHEMES / sizeof SCHEMES[0]; i++) {
-        known = known || strncmp(url, SCHEMES[i], strlen(SCHEMES[i])) == 0;
-    }
-    if (!known) {
-        return json_fail(&at, "is no bus URL, expected lcm:udpm://..., dds:N, loop: or log:FILE");
+    const char* fault = transport_url_fault(url);
+    if (fault != NULL) {
+        return json_fail(&at, "is \"%.80s\": %s", url, fault);
     }
     if (strlen(url) >= sizeof self->bus) {
         return json_fail(&at, "is too long, expected at most %d characters", CONFIG_BUS_SIZE - 1);

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""verge-plan and verge-sim from outside: their documents, their exit codes, their bytes.
+"""verge-plan, verge-sim, verge-replay and verge-bench from outside: their documents, their exit codes, their bytes.
 
 Reads what they print with Python's own json and mathematics, and holds it against the contract.
 Usage: e2e_cli.py --bin DIR [--scenarios DIR]
@@ -119,6 +119,35 @@ def check_run(path, scenario, printed):
     assert ticks == round(scenario["simulation"]["duration"] * 10) + 1
 
 
+def check_replay(program, path, folder, seed):
+    """The recorded seed replays, another does not; both say the same when asked again."""
+    assert "every digest is the same" in run(program, path)
+    assert run(program, path, "--seed", str(seed)) == run(program, path)
+    other = run(program, path, "--seed", str(seed + 1), status=1)
+    assert "is the first that differs" in other
+    assert other == run(program, path, f"--seed={seed + 1}", status=1)
+    run(program, path, "--seed", "-1", status=2)
+    run(program, os.path.join(folder, "none.jsonl"), status=2)
+
+
+def untimed(document):
+    """A benchmark document without what a clock or the build decides."""
+    timed = ("machine", "build", "iterations_per_s", "candidates_per_s", "ms_p50", "ms_p99",
+             "ms_max")
+    return {key: [{k: v for k, v in row.items() if k not in timed} for row in value]
+            for key, value in document.items() if key in ("search", "sampler", "cycle")}
+
+
+def check_bench(program):
+    plain, same, other = (json.loads(run(program, "--quick", *seed))
+                          for seed in ([], ["--seed", "1"], ["--seed=2"]))
+    assert plain["format"] == "verge-bench/1"
+    assert untimed(plain) == untimed(same), "the default seed of scenes and searches is 1"
+    rewards = [[row["reward"] for row in document["search"]] for document in (plain, other)]
+    assert all(a != b for a, b in zip(*rewards)), f"another seed, the same scenes: {rewards}"
+    run(program, "--quick", "--seed", "one", status=2)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--bin", required=True)
@@ -152,6 +181,9 @@ def main():
         printed = json.loads(outputs[0])["metrics"]
         assert set(METRICS) <= set(printed) and "cycle_ms" not in printed
         check_run(runs[0], scenario, printed)
+        check_replay(os.path.join(options.bin, "verge-replay"), runs[0], folder,
+                     scenario["planner"].get("seed", 1))
+        check_bench(os.path.join(options.bin, "verge-bench"))
         timed = json.loads(run(sim_program, path))["metrics"]
         assert set(timed.pop("cycle_ms")) == {"p50", "p99", "max"} and timed == printed
         assert run(plan_program, path, "--seed", "99") == run(plan_program, path, "--seed=99")

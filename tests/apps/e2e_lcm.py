@@ -216,11 +216,18 @@ def wrong_options_and_configurations_have_their_exit_codes(rig):
              ({"planner": {"iterations": 0}}, "iterations"), ({"format": "x"}, "format"),
              ({"planner": {"bogus": 1}}, "bogus"), ({"freshness": {"fresh_ms": 1}}, "fresh_ms"),
              ({"freshness": {"fresh_ms": 500, "obstacle_ms": 400}}, "obstacle_ms"),
-             ({"rsu_id": "one"}, "rsu_id")]
+             ({"rsu_id": "one"}, "rsu_id"), ({"bus": "dds:0"}, "DDS is not built in yet")]
     for change, name in wrong:
         code, _, error = rig.run(rsu, "--config", rig.config(**change), "--check-config")
         check(code == 78, f"{change}: exit {code}, expected 78")
         check(name in error and error.count("\n") == 1, f"{change}: told as {error!r}")
+    for key in ("freshness", "planner", "road", "road_file", "bus", "rsu_id", "cycle_ms"):
+        document = json.loads(rig.config().read_text())
+        null = rig.folder / "null.json"
+        null.write_text(json.dumps({**document, key: None}))
+        code, _, error = rig.run(rsu, "--config", null, "--check-config")
+        check(code == 78 and error.startswith(f"{null}:{key}: ") and error.count("\n") == 1,
+              f"{key} null: exit {code}, told as {error!r}")
 
 
 def the_printed_configuration_is_the_configuration(rig):

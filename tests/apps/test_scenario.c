@@ -111,6 +111,80 @@ static void test_json_that_is_broken_is_refused_with_its_line(void** state)
     refused("\"none\"", "\"n\xffne\"", "a.json:1: not text");
 }
 
+static void test_numbers_are_spelled_as_json_spells_them(void** state)
+{
+    (void)state;
+    static const char* const wrong[] = { "15.",   "015",   "+15",  ".15",  "0x1f", "-.5", "-",
+                                         "1.e1",  "1e",    "1e+",  "00",   "-01",  "1.5.2",
+                                         "1-2",   "1e1.5", "0e-",  "15f",  "1_5",  "Infinity" };
+    for (uint32_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        refused("15.0", wrong[i], "a.json:9: ");
+    }
+    static const char* const right[] = { "15", "0", "-0", "0.5", "1e1", "1E+1", "1.5e-0", "0e7",
+                                         "-0.0e-1" };
+    for (uint32_t i = 0; i < sizeof right / sizeof right[0]; i++) {
+        scenario scene;
+        char*    text = changed("15.0", right[i]);
+        const bool good = parse(&scene, text);
+        assert_string_equal(scene.file.error, "");
+        assert_true(good);
+        CHECK_SAME_BITS(scene.vehicles[0].start.speed, strtod(right[i], NULL));
+        scenario_free(&scene);
+        free(text);
+    }
+    scenario scene; // what stands in a string is no number, whatever it escapes
+    char* text = changed("\"none\"", "\"015 \\\" 15. \\\\\"");
+    assert_true(parse(&scene, text));
+    scenario_free(&scene);
+    free(text);
+}
+
+static void test_null_means_no_lane_and_is_no_other_value(void** state)
+{
+    (void)state;
+    scenario scene;
+    char* text = changed("\"target_lane\": 0", "\"target_lane\": null");
+    assert_true(parse(&scene, text));
+    assert_int_equal(scene.vehicles[0].start.target_lane, VERGE_NO_LANE);
+    scenario_free(&scene);
+    free(text);
+    refused("\"successors\": []", "\"successors\": null", "successors: is null, expected");
+    refused("\"successors\": []", "\"change_left\": null", "change_left: is null, expected");
+    refused("\"aggressive\"", "null", "vehicles[0].habit: ");
+    refused("[[0.0, 60.0, 0.0, 0.0, 14.0], [20.0, 340.0, 0.0, 0.0, 14.0]]", "null",
+            "vehicles[1].track: is null, expected");
+    refused("{ \"seed\": 7 }", "null", "planner: ");
+    refused("\"seed\": 7", "\"seed\": null", "planner.seed: is null, expected");
+    refused("{ \"duration\": 12.5 }", "null", "simulation: is null, expected");
+    refused("12.5", "null", "simulation.duration: is null, expected");
+    refused("\"none\"", "null", "source: is null, expected");
+}
+
+static void test_an_object_has_a_bounded_number_of_keys(void** state)
+{
+    (void)state;
+    enum { KEYS = 60000, ROOM = 16 };
+    char*  text = malloc(KEYS * ROOM + 64);
+    size_t used = (size_t)sprintf(text, "{ \"planner\": {");
+    for (uint32_t i = 0; i < KEYS; i++) {
+        used += (size_t)sprintf(text + used, "%s\"k%u\": 1", i == 0 ? "" : ",", i);
+        if (i + 1 == JSON_KEYS_MAX || i == JSON_KEYS_MAX || i + 1 == KEYS) {
+            char end[4] = "} }";
+            memcpy(text + used, end, sizeof end);
+            json_file file;
+            const bool good = json_file_parse(&file, "a.json", text, used + 3);
+            assert_int_equal(good, i + 1 <= JSON_KEYS_MAX);
+            if (good) {
+                json_file_free(&file);
+            } else {
+                check_one_line(file.error);
+                assert_non_null(strstr(file.error, "planner: has "));
+            }
+        }
+    }
+    free(text);
+}
+
 static void test_keys_are_exact(void** state)
 {
     (void)state;
@@ -339,6 +413,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_scenario_is_read_as_it_stands),
         cmocka_unit_test(test_json_that_is_broken_is_refused_with_its_line),
+        cmocka_unit_test(test_numbers_are_spelled_as_json_spells_them),
+        cmocka_unit_test(test_null_means_no_lane_and_is_no_other_value),
+        cmocka_unit_test(test_an_object_has_a_bounded_number_of_keys),
         cmocka_unit_test(test_keys_are_exact),
         cmocka_unit_test(test_values_are_checked),
         cmocka_unit_test(test_vehicles_must_fit_the_road_and_each_other),

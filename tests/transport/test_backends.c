@@ -253,7 +253,7 @@ static void test_urls_that_are_none_are_refused_with_what_was_expected(void** st
 {
     (void)state;
     static const char* const bad[] = {
-        "", "lcm", "lcm:", "tcp:1", "lcm:udpm", "lcm:udpm://1.2.3.4:7667", "lcm:udpm://a.b:7",
+        "", "lcm", "lcm:", "tcp:1", "dds:0", "lcm:udpm", "lcm:udpm://1.2.3.4:7667", "lcm:udpm://a.b:7",
         "lcm:udpm://239.255.76.67:0", "lcm:udpm://239.255.76.67:65536",
         "lcm:udpm://239.255.76.67:7667?ttl=256", "lcm:udpm://239.255.76.67:7667?ttl=",
         "lcm:udpm://239.255.76.67:7667?ttl=0&", "lcm:udpm://239.255.76.67:7667?tll=0",
@@ -269,6 +269,9 @@ static void test_urls_that_are_none_are_refused_with_what_was_expected(void** st
         assert_true(strlen(error) > 20);
         assert_null(strchr(error, '\n'));
     }
+    assert_null(transport_url_fault("lcm:udpm://239.255.76.67:7667?ttl=0"));
+    assert_non_null(strstr(transport_url_fault("tcp:1"), "unknown bus"));
+    assert_non_null(strstr(transport_url_fault("dds:0"), "not built in yet"));
     transport_close(NULL);
 }
 

@@ -26,8 +26,26 @@ struct transport {
 static bool admit(transport* bus, const packet* packet, transport_message* message);
 static int  publish(transport* bus, int64_t utime, transport_kind kind, const void* value);
 
+#define EXPECTED_URL "expected lcm:udpm://ADDRESS:PORT?ttl=N, loop:NAME or log:FILE"
+
 static const backend* const backends[] = { &backend_lcm, &backend_loop, &backend_log };
 static pthread_once_t       prepared = PTHREAD_ONCE_INIT;
+
+static bool begins_with(const char* url, const char* scheme)
+{
+    return strncmp(url, scheme, strlen(scheme)) == 0;
+}
+
+const char* transport_url_fault(const char* url)
+{
+    for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
+        if (begins_with(url, backends[i]->scheme)) {
+            return NULL;
+        }
+    }
+    return begins_with(url, "dds:") ? "DDS is not built in yet, " EXPECTED_URL
+                                    : "unknown bus, " EXPECTED_URL;
+}
 
 int transport_open(transport** bus, const char* url, unsigned receive, char* error,
                    size_t error_size)
@@ -36,8 +54,8 @@ int transport_open(transport** bus, const char* url, unsigned receive, char* err
     pthread_once(&prepared, codec_prepare);
 
     for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
-        const size_t scheme_length = strlen(backends[i]->scheme);
-        if (strncmp(url, backends[i]->scheme, scheme_length) != 0) {
+        const char* scheme = backends[i]->scheme;
+        if (!begins_with(url, scheme)) {
             continue;
         }
         transport* made = calloc(1, sizeof *made);
@@ -47,7 +65,7 @@ int transport_open(transport** bus, const char* url, unsigned receive, char* err
         }
         made->bus = backends[i];
         made->receive = receive;
-        const int result = made->bus->open(&made->self, url + scheme_length, receive,
+        const int result = made->bus->open(&made->self, url + strlen(scheme), receive,
                                            &made->counts, error, error_size);
         if (result != TRANSPORT_OK) {
             free(made);
@@ -56,8 +74,7 @@ int transport_open(transport** bus, const char* url, unsigned receive, char* err
         *bus = made;
         return TRANSPORT_OK;
     }
-    snprintf(error, error_size,
-             "%s: unknown bus, expected lcm:udpm://ADDRESS:PORT?ttl=N, loop:NAME or log:FILE", url);
+    snprintf(error, error_size, "%s: %s", url, transport_url_fault(url));
     return TRANSPORT_BAD_URL;
 }
 

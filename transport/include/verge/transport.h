@@ -16,6 +16,7 @@
 ///                       not ours and are refused.
 ///             loop:NAME in process: every open end of one name (which may be empty) hears the
 ///                       others. A full queue gives up its oldest message.
+///             dds:N     is refused: not built in yet.
 ///             log:FILE  an LCM event log: read, or written when opened with TRANSPORT_RECORD.
 ///                       What is written is in the file at each mark and at close.
 /// Losing it   A bus that goes away after it was opened shows in errors and comes back by itself;
@@ -89,6 +90,10 @@ typedef enum transport_result {
     TRANSPORT_BAD_URL = -1,     ///< not a URL of ours
     TRANSPORT_UNAVAILABLE = -2, ///< no such bus now: no multicast route, no interface, no file
 } transport_result;
+
+/// Null: the URL begins like one of a bus that is built in. Else what is wrong with it and what was
+/// expected, in words.
+const char* transport_url_fault(const char* url);
 
 /// Opens a bus. On failure *bus is null and error holds one line that says what to do.
 int  transport_open(transport** bus, const char* url, unsigned receive, char* error,

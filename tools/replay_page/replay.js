@@ -501,14 +501,16 @@ function drawLabel(pen, vehicle, state, taken) {
 
 // Writes a vehicle's number on its body, level or along it; false where it has no room.
 function numberBody(pen, vehicle, px, py, heading, upright) {
+  const face = (size) => `700 ${size}px system-ui, sans-serif`;
   const size = Math.min(12, 0.8 * vehicle.width * camera.scale);
-  if (size < 7.5) return false;
-  pen.font = `700 ${size}px system-ui, sans-serif`;
+  pen.font = face(size);
   pen.textAlign = "center";
   pen.textBaseline = "middle";
   const wide = pen.measureText(vehicle.id).width;
   const level = upright && wide <= 0.85 * vehicle.width * camera.scale;
-  if (!level && wide > 0.58 * vehicle.length * camera.scale) return false;
+  const fit = level ? size : size * Math.min(1, 0.58 * vehicle.length * camera.scale / wide);
+  if (fit < 7.5) return false;
+  pen.font = face(fit);
   let turned = level ? 0 : Math.atan2(Math.sin(heading), Math.cos(heading));
   if (Math.abs(turned) > Math.PI / 2 + 0.01) turned += Math.PI;
   pen.save();

@@ -839,11 +839,8 @@ function searchFacts(search) {
     return [["Search report", "stays at the roadside unit", "", ""]];
   }
   const entries = [["Reward", known(search.reward) ? search.reward.toFixed(3) : "unknown"]];
-  if (known(search.bound)) {
-    entries.push(["Bound", search.bound.toFixed(3)]);
-    const apart = known(search.gap) ? search.gap : 1 - search.reward / search.bound;
-    entries.push(["Within", `${(100 * apart).toFixed(1)} %`]);
-  }
+  if (known(search.bound)) entries.push(["Bound", search.bound.toFixed(3)]);
+  if (known(search.gap)) entries.push(["Within", `${(100 * search.gap).toFixed(1)} %`]);
   entries.push(["Nodes", String(search.nodes)], ["Iterations", String(search.iterations)]);
   if (known(search.nodes_first)) entries.push(["Found at", String(search.nodes_first)]);
   entries.push(["Depth", String(search.depth)],

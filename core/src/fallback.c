@@ -1,6 +1,7 @@
 /// What is driven when no sampled trajectory is acceptable: first gentle slowing down in the
 /// lane (its lowest level is to drive on), then braking up to 8 m/s^2. The first one that meets
-/// nobody is taken, else the one that meets somebody latest, and at the lowest speed.
+/// nobody is taken, else the one that meets somebody latest, and at the lowest speed. Who is in
+/// the rear of another one already brakes to a standstill unless that one draws away.
 ///
 /// All of them limit their jerk, end at rest or at constant speed, and move towards the centre of
 /// the lane no faster than the steering follows; off the road they go straight ahead.
@@ -19,12 +20,18 @@ static const double brake_levels[] = { 3.0, 5.0, 6.5, 8.0 };
 /// Sub-steps per point of the limit check.
 #define LIMIT_PARTS 10
 
+/// Deceleration that a dead end may still ask for after the horizon. [m/s^2] dry road
+#define DEAD_END_BRAKING 8.0
+/// A body in front that overlaps may come nearer by as much. [m]
+#define PRESS_SLACK 0.02
+
 /// How good a fallback is. Lexicographic.
 typedef struct verdict {
-    bool     holds;   // the car's limits
     bool     clear;   // of bodies and dead ends
+    bool     holds;   // the car's limits
+    bool     stays;   // on its lane, which ends
     uint32_t contact; // instant of the first contact
-    double   speed;   // then
+    double   speed;   // then, or at the horizon where it does not stay
 } verdict;
 
 static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_state* state);
@@ -32,7 +39,8 @@ static void straight_path(vg_path* path, const vg_motion* from);
 static vg_leg fallback_leg(const vg_job* job, const vg_path* path, const vg_state* state,
                            double level, double jerk);
 static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
-                     const vg_leg* leg);
+                     const vg_leg* leg, double braking);
+static bool presses(const vg_track* body, const vg_track* other, uint32_t last);
 static bool better(const verdict* a, const verdict* b);
 
 void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
@@ -54,8 +62,9 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const vg_tracks* 
         }
         const double jerk = brakes ? VG_JERK_MAX : vg_min(def->comfort_jerk, VG_JERK_MAX);
         const vg_leg leg = fallback_leg(job, path, &state, level, jerk);
-        const verdict now = judge(ws, job, tracks, &leg);
-        if (i == from || better(&now, &best)) {
+        const double later = brakes ? DEAD_END_BRAKING : def->comfort_braking;
+        const verdict now = judge(ws, job, tracks, &leg, later);
+        if (i == from || better(&now, &best) || (ws->blocking != 0 && now.holds)) {
             best = now;
             best_leg = leg;
             best_brakes = brakes;
@@ -111,8 +120,9 @@ static vg_leg fallback_leg(const vg_job* job, const vg_path* path, const vg_stat
     return leg;
 }
 
+/// braking: what a dead end may ask for after the horizon. [m/s^2]
 static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
-                     const vg_leg* leg)
+                     const vg_leg* leg, double braking)
 {
     const verge_planner_def* def = job->def;
     const uint32_t last = def->points - 1;
@@ -123,20 +133,41 @@ static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* track
         v.holds = vg_hard_ratio(&rear, row.s_t) <= 1.0;
     }
     vg_workspace_drive(ws, def, leg, 0.0, 0, last);
+    bool pressed = false;
     for (uint32_t j = 0; j < tracks->count; j += 1) {
         if (j != job->track_index) {
             const uint32_t k = vg_contact_new(&ws->body, &tracks->of[j], 0.0, last);
             v.contact = k < v.contact ? k : v.contact;
+            pressed |= (ws->blocking >> j & 1) != 0
+                    && presses(&ws->body, &tracks->of[j], last);
         }
     }
-    v.speed = ws->body.speed[v.contact <= last ? v.contact : last];
     const vg_lane* lane = job->on_road ? &job->road->lanes[job->lane] : NULL;
-    const bool runs_out = lane != NULL && lane->dead_end
-                       && vg_workspace_runs_out(ws, job, lane, last, 8.0);
-    v.clear = v.holds && v.contact > last && !runs_out;
+    const bool ends = lane != NULL && lane->dead_end;
+    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, DEAD_END_BRAKING);
+    v.speed = ws->body.speed[v.contact <= last && v.stays ? v.contact : last];
+    const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, braking);
+    v.clear = v.holds && v.contact > last && easily && !pressed;
     return v;
 }
 
+/// Does the body go deeper into one in front that it overlaps from the start?
+static bool presses(const vg_track* body, const vg_track* other, uint32_t last)
+{
+    double first = 0.0;
+    for (uint32_t k = 0; k <= last && vg_contact_at(body, other, 0.0, k); k += 1) {
+        const double ahead = (other->x[k] - body->x[k]) * body->cos_heading[k]
+                           + (other->y[k] - body->y[k]) * body->sin_heading[k];
+        first = k == 0 ? ahead : first;
+        if (ahead < first - PRESS_SLACK) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/// Staying on a lane that ends counts more than a contact: braking for it, whoever is hit is hit
+/// from behind by one who can brake, too. Where neither stays, the slower one is better.
 static bool better(const verdict* a, const verdict* b)
 {
     if (a->clear != b->clear) {
@@ -144,6 +175,12 @@ static bool better(const verdict* a, const verdict* b)
     }
     if (a->holds != b->holds) {
         return a->holds;
+    }
+    if (a->stays != b->stays) {
+        return a->stays;
+    }
+    if (!a->stays && a->speed != b->speed) {
+        return a->speed < b->speed;
     }
     return a->contact != b->contact ? a->contact > b->contact : a->speed < b->speed;
 }

@@ -38,6 +38,8 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
                    uint32_t* choice);
 static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* chain,
                        uint32_t lane, uint32_t candidate);
+static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
+                        uint32_t lane, const vg_leg* leg);
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset);
 static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain);
@@ -51,6 +53,10 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const vg_tr
     vg_workspace_begin(ws, job, tracks);
     if (!job->on_road) {
         vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OFF_ROAD);
+        return;
+    }
+    if (ws->blocking != 0) { // no way on through a body that is in front
+        vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OVERLAP_NOW);
         return;
     }
     const vg_segment keep = { .t1 = job->def->point_s * (job->def->points - 1),
@@ -220,6 +226,9 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
         return false;
     }
     vg_workspace_drive(ws, job->def, leg, offset, batch->start, batch->last);
+    if (batch->in_lane && leaves_lane(ws, batch, job, lane, leg)) {
+        return false;
+    }
     if ((batch->marks[candidate] & VG_ALARM) != 0 && meets_someone(ws, batch, chain)) {
         return false;
     }
@@ -231,6 +240,23 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
     }
     return lane == job->lane || !lanes[lane].dead_end
         || !vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking);
+}
+
+/// Does a keeping segment end beyond the lane's border, and farther out than it began?
+static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
+                        uint32_t lane, const vg_leg* leg)
+{
+    const vg_track* body = &ws->body;
+    const uint32_t k0 = batch->start, k = batch->last;
+    const double T = job->def->point_s * (k - k0);
+    const vg_reference from = vg_path_at(leg->path, leg->s_start + VERGE_REAR_AXLE);
+    const double way = vg_profile_at(&leg->profile, T).s;
+    const vg_reference to = vg_path_at(leg->path, way + VERGE_REAR_AXLE);
+    const double d0 = vg_abs((body->y[k0] - from.y) * from.cos_heading
+                             - (body->x[k0] - from.x) * from.sin_heading);
+    const double d = vg_abs((body->y[k] - to.y) * to.cos_heading
+                            - (body->x[k] - to.x) * to.sin_heading);
+    return d > 0.5 * job->road->lanes[lane].width && d > d0;
 }
 
 /// The car's limits between the points too, and the jerk brakes can build up; the last jolt of a

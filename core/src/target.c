@@ -4,6 +4,9 @@
 #include "contract.h"
 #include "follow.h"
 
+/// Lanes a segment drives through, at most.
+#define SEAMS_MAX 8
+
 /// Region of end speeds. Below zero means a stop before the segment ends: a braking that would
 /// go on below zero is one that stops early. [m/s]
 typedef struct region {
@@ -14,6 +17,7 @@ typedef struct region {
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
                            const vg_following* following, const vg_state* start, bool emergency);
 static double least_speed(const vg_state* start, double T, double jerk);
+static double speed_allowed(const vg_job* job, uint32_t lane, double s);
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
 
 bool vg_action_changes_lane(verge_action action)
@@ -73,7 +77,9 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     const double v0 = start->s_t, T = following->T;
     const double eased = vg_max(v0 - VG_LIMIT_BRAKING * T,
                                 least_speed(start, T, 0.9 * def->comfort_jerk));
-    const double top = vg_max(job->road->lanes[reference].speed_limit, eased);
+    const double way = 0.5 * T * (v0 + vg_min(v0, segment->v));
+    const double allowed = speed_allowed(job, reference, start->s + VERGE_REAR_AXLE + way);
+    const double top = vg_max(allowed, eased);
     region v;
     v.centre = vg_clamp(segment->v, 0.0, top);
     v.high = vg_clamp(segment->v + half, 0.0, top);
@@ -94,6 +100,25 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
 static double least_speed(const vg_state* start, double T, double jerk)
 {
     return start->s_t + (4.0 * start->s_tt * T - jerk * T * T) / 6.0;
+}
+
+/// Speed to drive at s of a lane or of what continues it: the limit, less in bends and before
+/// both (vg_bin).
+static double speed_allowed(const vg_job* job, uint32_t lane, double s)
+{
+    const verge_road* road = job->road;
+    for (uint32_t seam = 0; seam < SEAMS_MAX && s > road->lanes[lane].length; seam += 1) {
+        const int32_t on = road->next[lane * (road->lane_count + 1) + (uint32_t)(job->target + 1)];
+        if (on < 0) {
+            break;
+        }
+        s -= road->lanes[lane].length;
+        lane = (uint32_t)on;
+    }
+    const vg_lane* at = &road->lanes[lane];
+    const double bin = (vg_lane_station(at, s) - at->station_start) / VG_BIN;
+    const uint32_t i = (uint32_t)vg_clamp(bin, 0.0, at->bin_count - 2.0);
+    return vg_min((double)at->bins[i].speed, (double)at->bins[i + 1].speed);
 }
 
 /// Uniform, and the sample nearest to the centre is the centre itself.

@@ -8,6 +8,10 @@
 #define PATH_BEYOND 60.0
 /// Speed a vehicle can gain on what is planned. [m/s]
 #define PATH_SPEED_GAIN 10.0
+/// Way who is over a lane's end already gets for building up the brakes' force. [m]
+#define OVER_END_SLACK 1.0
+
+static bool in_front(const vg_track* body, const vg_track* other);
 
 _Static_assert(sizeof(struct vg_workspace) <= 256 * 1024, "a workspace stays below 256 KiB");
 
@@ -30,7 +34,7 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
     ws->path_lanes[0] = ws->path_lanes[1] = -1;
     ws->cost = (verge_cost){ 0 };
     ws->refusals = (vg_refusals){ 0 };
-    ws->near_start = 0;
+    ws->near_start = ws->blocking = 0;
 
     vg_track* body = &ws->body;
     body->vehicle_id = v->id;
@@ -45,9 +49,22 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
         const vg_track* other = &tracks->of[j];
         if (j != job->track_index && vg_contact_at(body, other, job->def->clearance, 0)) {
             ws->near_start |= (uint64_t)1 << j;
-            ws->refusals.overlap |= vg_contact_at(body, other, 0.0, 0);
+            const bool overlap = vg_contact_at(body, other, 0.0, 0);
+            ws->refusals.overlap |= overlap;
+            ws->blocking |= (uint64_t)(overlap && in_front(body, other)) << j;
         }
     }
+}
+
+/// Of two bodies that overlap: is the other one in front, rather than beside or behind?
+static bool in_front(const vg_track* body, const vg_track* other)
+{
+    const double c = body->cos_heading[0], s = body->sin_heading[0];
+    const double x = other->x[0] - body->x[0], y = other->y[0] - body->y[0];
+    const double ahead = x * c + y * s, left = vg_abs(y * c - x * s);
+    const double length = body->half_length + other->half_length;
+    const double width = body->half_width + other->half_width;
+    return ahead > body->half_length || (ahead > 0.0 && ahead * width > left * length);
 }
 
 const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t lane,
@@ -92,7 +109,7 @@ bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_l
                            uint32_t last, double braking)
 {
     const vg_track* body = &ws->body;
-    double s = __builtin_nan("");
+    double s = __builtin_nan(""), end = lane->length;
     for (uint32_t k = 0; k <= last; k += 1) {
         s = vg_lane_project(lane, body->x[k], body->y[k], s);
         const vg_reference at = vg_lane_at(lane, s);
@@ -101,12 +118,12 @@ bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_l
         const bool inside = vg_abs(d) <= 0.5 * lane->width;
         double front = s + body->half_length;
         if (k == 0 && inside && front > lane->length) {
-            return false; // over it already: nothing to keep from
+            end = front + body->speed[0] * body->speed[0] / (2.0 * braking) + OVER_END_SLACK;
         }
         if (k + 1 == job->def->points) {
             front += body->speed[k] * body->speed[k] / (2.0 * braking);
         }
-        if (k > 0 && inside && front > lane->length) {
+        if (k > 0 && inside && front > end) {
             return true;
         }
     }

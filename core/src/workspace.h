@@ -30,6 +30,7 @@ struct vg_workspace {
     verge_cost cost;          ///< of the trajectory so far
     vg_refusals refusals;
     uint64_t near_start;      ///< tracks (bits) nearer than the clearance at t = 0
+    uint64_t blocking;        ///< tracks (bits) the body overlaps at t = 0 that are in front of it
     uint64_t evaluated;       ///< candidates
 };
 
@@ -45,7 +46,8 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
                         double offset, uint32_t start, uint32_t last);
 
 /// Does the trajectory so far, up to instant last, run over the end of a dead-end lane, or so
-/// fast towards it at the horizon that braking [m/s^2] would not do?
+/// fast towards it at the horizon that braking [m/s^2] would not do? Who is over it already may
+/// leave the lane, but go on in it no farther than such a braking takes.
 bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_lane* lane,
                            uint32_t last, double braking);
 

@@ -180,6 +180,7 @@ void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def,
     }
     scene->reaction = (float)def->reaction_s;
     scene->headway = (float)def->headway_s;
+    scene->change_gap = (float)def->change_gap;
     scene->per_reaction = 1.0f / scene->reaction;
     scene->per_headway = 1.0f / scene->headway;
     scene->per_both = 1.0f / (float)(def->reaction_s + def->headway_s);
@@ -532,7 +533,11 @@ bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* mo
         const uint32_t side = action == VERGE_CHANGE_LEFT ? 1u : 2u;
         const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
                               moves->station[0], moves->v[0], nowhere);
-        const bool legal = fits(margins_of(scene, &w, scene->half_length[slot], flow->v[slot], 0.0f));
+        const float half = scene->half_length[slot];
+        // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too.
+        const bool legal = fits(margins_of(scene, &w, half, flow->v[slot], 0.0f))
+                           && w.gap_l - half >= scene->change_gap
+                           && w.gap_f - half >= scene->change_gap;
         moves->open[slot] = (uint8_t)(moves->open[slot] & ~bit);
         moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
     }

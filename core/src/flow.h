@@ -85,6 +85,7 @@ typedef struct vg_scene {
     float    weight[VERGE_CONTROLLED_MAX];     ///< [1] of R_i in X_flow, Eq. 5; they sum to <= 1
     float    cruise_share;                     ///< [1]
     float    reaction, headway;                       ///< [s] Eq. 2
+    float    change_gap;                              ///< [m]
     float    per_reaction, per_headway, per_both;     ///< [1/s] inverses of these and of their sum
     vg_sight* sight;
 } vg_scene;

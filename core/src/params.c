@@ -25,6 +25,7 @@ static const verge_param params[] = {
     U(steps, VERGE_PARAM_U32, 2, VERGE_STEPS_MAX, "decision steps; the horizon is steps * step_s"),
     D(reaction_s, "s", 0.05, 5.0, "reaction time tau of Eq. 2"),
     D(headway_s, "s", 0.1, 10.0, "minimum time headway MTH of Eq. 2"),
+    D(change_gap, "m", 0.0, 100.0, "least free way, ahead and behind, that a lane change leaves"),
     D(exploration, "1", 0.0, 10.0, "C_p of Eq. 1"),
     D(acceleration, "m/s^2", 0.05, 5.0, "a_acc of Table 1"),
     D(deceleration, "m/s^2", 0.05, 8.0, "a_dec of Table 1"),
@@ -79,6 +80,7 @@ verge_planner_def verge_planner_default_def(void)
         .steps = 7,
         .reaction_s = 0.5,
         .headway_s = 3.0,
+        .change_gap = 7.0, // measured: smallest gaps of the paper's table, RESULTS.md
         .exploration = 0.70710678118654752, // 1 / sqrt(2)
         .acceleration = 0.6,
         .deceleration = 0.6,

@@ -171,6 +171,7 @@ static body later(const stage* at, uint32_t j)
 typedef struct window {
     double low, high;
     double ahead_gap, ahead_v; // of the leader: from the looker's centre to its tail
+    double behind_gap;         // from the looker's centre to the follower's nose
     double doubt;              // distance to the nearest comparison that could go either way
 } window;
 
@@ -180,7 +181,7 @@ static window window_of(const stage* at, uint32_t i, double y, double beyond)
 {
     const double tau = at->def.reaction_s, mth = at->def.headway_s;
     const double s = at->root.station[i] + at->root.v[i] * at->def.step_s;
-    window w = { -INFINITY, INFINITY, INFINITY, 0.0, INFINITY };
+    window w = { -INFINITY, INFINITY, INFINITY, 0.0, INFINITY, INFINITY };
     double nose = INFINITY;
     for (uint32_t j = 0; j < at->count; ++j) {
         const body other = later(at, j);
@@ -200,7 +201,7 @@ static window window_of(const stage* at, uint32_t i, double y, double beyond)
             w.high = fmin((mth * other.v + free_way) / (tau + mth), free_way / tau);
         } else if (ds <= 0.0 && gap < nose) {
             const double free_way = gap - at->scene.half_length[i] + beyond;
-            nose = gap;
+            nose = w.behind_gap = gap;
             w.low = other.v - (free_way - tau * other.v) / mth;
         }
     }
@@ -265,7 +266,12 @@ static void check_changes(const stage* at, uint32_t i, uint8_t legal, uint32_t* 
         const double y = WIDTH * lane + side * fmin(d * side + across(v, at->def.step_s), goal);
         const bool allowed = v >= 0.5
                              && (finishing || (beside && (wanted || overtake)));
-        const int fits = inside(window_of(at, i, y, 0.0), v);
+        const window there = window_of(at, i, y, 0.0);
+        const double half = at->scene.half_length[i], room = at->def.change_gap;
+        const double least = fmin(there.ahead_gap, there.behind_gap) - half;
+        const int window_fits = inside(there, v);
+        const int fits = window_fits < 0 || fabs(least - room) < 5e-3
+                             ? -1 : window_fits == 1 && least > room;
         if (fits >= 0 && fabs(d * side + 0.3) > 1e-4) {
             assert_int_equal((legal >> action) & 1, allowed && fits == 1);
             told[allowed * 2 + fits]++;

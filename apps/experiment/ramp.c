@@ -26,49 +26,59 @@ typedef struct ramp_notes {
     double entered[2];         ///< [s] driven; 0: not yet
 } ramp_notes;
 
-/// One row of Case 1 and Case 2: whose state, whose habits.
+/// Case 1 and Case 2: whose habits.
 typedef struct ramp_case {
     const char* name;
-    const char* file;      ///< whose initial state
     const char* habit_2;
     const char* habit_4;
 } ramp_case;
 
 static const ramp_case cases[] = {
-    { "case 1", "ramp-case1", "aggressive", "conservative" },
-    { "case 2", "ramp-case1", "conservative", "aggressive" },
-    { "case 1", "ramp-case2", "aggressive", "conservative" },
-    { "case 2", "ramp-case2", "conservative", "aggressive" },
+    { "case 1", "aggressive", "conservative" },
+    { "case 2", "conservative", "aggressive" },
 };
+enum { case_count = sizeof cases / sizeof cases[0] };
+
+/// Initial states: the authors' of Case 1 and of Case 2 differ in vehicle 2 only (20 m and
+/// 7 m/s, 15 m and 6 m/s); the others lie on the line between the two, as shares of the way.
+static const double states[] = { 0.0, 0.25, 0.5, 0.75, 1.0 };
+enum { state_count = sizeof states / sizeof states[0] };
+
+/// Case 3: the human as the authors have it, or on a track [s] from which instant it speeds up.
+static const struct { const char* name; const char* file; double start; } humans[] = {
+    { "case 3, authors' state", "ramp-case-3.jsonl", -1.0 },
+    { "case 3, speeds up at 1 s", "ramp-case-3-speeds-up.jsonl", 1.0 },
+    { "case 3, keeps 6 m/s", "ramp-case-3-keeps.jsonl", 1000.0 },
+};
+enum { human_count = sizeof humans / sizeof humans[0] };
 
 static trial_observer ramp_watch;
-static const char* case_text(lab* self, const ramp_case* which);
+static const char* case_text(lab* self, const ramp_case* which, double share);
 static const char* human_text(lab* self, double start);
 static bool run_case(lab* self, const char* text, const char* name, outcome* results);
-static void order_row(table* rows, const ramp_case* which, const outcome* results, uint32_t count);
+static void order_row(table* rows, const ramp_case* which, double share, const outcome* results,
+                      uint32_t count);
 static void human_row(table* rows, const char* name, const outcome* results, uint32_t count);
 
 bool ramp_cases(lab* self, table* rows)
 {
     outcome* results = must_calloc(self->repeats, sizeof *results);
     bool     good = true;
-    for (uint32_t k = 0; good && k < sizeof cases / sizeof cases[0]; k++) {
-        char name[96];
-        snprintf(name, sizeof name, "ramp-%.4s-%c-state-of-%s.jsonl", cases[k].name,
-                 cases[k].name[5], cases[k].file + 5);
-        good = run_case(self, case_text(self, &cases[k]), name, results);
+    for (uint32_t k = 0; good && k < state_count * case_count; k++) {
+        const ramp_case* which = &cases[k % case_count];
+        const double     share = states[k / case_count];
+        char             name[96];
+        snprintf(name, sizeof name, "ramp-case-%c-state-%.2f.jsonl", which->name[5], share);
+        good = run_case(self, case_text(self, which, share), name, results);
         if (good) {
-            order_row(rows, &cases[k], results, self->repeats);
+            order_row(rows, which, share, results, self->repeats);
             lab_free_results(results, self->repeats);
         }
     }
-    // Case 3 with the human as the authors have it, then with one that accelerates on the way.
-    for (uint32_t k = 0; good && k < 2; k++) {
-        const char* name = k == 0 ? "case 3, authors' state" : "case 3, accelerates at 1 s";
-        const char* file = k == 0 ? "ramp-case-3.jsonl" : "ramp-case-3-accelerates.jsonl";
-        good = run_case(self, human_text(self, k == 0 ? -1.0 : 1.0), file, results);
+    for (uint32_t k = 0; good && k < human_count; k++) {
+        good = run_case(self, human_text(self, humans[k].start), humans[k].file, results);
         if (good) {
-            human_row(rows, name, results, self->repeats);
+            human_row(rows, humans[k].name, results, self->repeats);
             lab_free_results(results, self->repeats);
         }
     }
@@ -76,12 +86,30 @@ bool ramp_cases(lab* self, table* rows)
     return good;
 }
 
-static const char* case_text(lab* self, const ramp_case* which)
+static double number_of(lab_document* document, int32_t id, const char* key)
 {
-    lab_document* document = lab_open(self, which->file);
-    if (document == NULL) {
+    const cJSON* member = cJSON_GetObjectItemCaseSensitive(lab_vehicle(document, id), key);
+    return member != NULL ? member->valuedouble : (double)NAN;
+}
+
+/// share: 0 the authors' state of Case 1, 1 that of Case 2. The lanes are all but straight
+/// between the two places of vehicle 2.
+static const char* case_text(lab* self, const ramp_case* which, double share)
+{
+    static const char* const moved[] = { "x", "y", "heading", "speed" };
+    lab_document* document = lab_open(self, "ramp-case1");
+    lab_document* other = document != NULL ? lab_open(self, "ramp-case2") : NULL;
+    if (other == NULL) {
+        cJSON_Delete(document);
         return NULL;
     }
+    for (uint32_t k = 0; k < sizeof moved / sizeof moved[0]; k++) {
+        const double from = number_of(document, paper_2, moved[k]);
+        const double to = number_of(other, paper_2, moved[k]);
+        lab_set(lab_vehicle(document, paper_2), moved[k],
+                cJSON_CreateNumber(from + share * (to - from)));
+    }
+    cJSON_Delete(other);
     lab_set(lab_vehicle(document, paper_2), "habit", cJSON_CreateString(which->habit_2));
     lab_set(lab_vehicle(document, paper_4), "habit", cJSON_CreateString(which->habit_4));
     return lab_text(self, document);
@@ -224,7 +252,8 @@ static void ramp_watch(const world* world, const verge_plan* plan, void* notes_g
 
 // ---------------------------------------------------------------------------- rows
 
-static void order_row(table* rows, const ramp_case* which, const outcome* results, uint32_t count)
+static void order_row(table* rows, const ramp_case* which, double share, const outcome* results,
+                      uint32_t count)
 {
     const summary sums = summary_of(results, count);
     double ahead = 0.0, same = 0.0, both = 0.0, brake_2 = 0.0, brake_4 = 0.0;
@@ -238,7 +267,7 @@ static void order_row(table* rows, const ramp_case* which, const outcome* result
     }
     table_row(rows);
     table_text(rows, "habits", which->name);
-    table_text(rows, "state", which->file);
+    table_number(rows, "state", share);
     table_text(rows, "habit_2", which->habit_2);
     table_text(rows, "habit_4", which->habit_4);
     table_number(rows, "both_in_lane", both / count);

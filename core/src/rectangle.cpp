@@ -1,11 +1,12 @@
 /// Separating axes for the question whether, corners against sides for the question how far.
 #include "rectangle.h"
 
-#include "contract.h"
+#include "linear.hpp"
 #include "scalar.h"
 
 #include <stddef.h>
 
+static Matrix2d frame_of(const vg_rectangle* body);
 /// Does one of a's two axes separate a from b?
 static bool axis_separates(const vg_rectangle* a, const vg_rectangle* b);
 /// Smallest distance of b's corners to a, squared. [m^2]
@@ -28,31 +29,32 @@ double vg_rectangle_distance(const vg_rectangle* a, const vg_rectangle* b)
 
 static bool axis_separates(const vg_rectangle* a, const vg_rectangle* b)
 {
-    const double dx = b->x - a->x;
-    const double dy = b->y - a->y;
-    const double along = vg_abs(dx * a->cos_heading + dy * a->sin_heading);
-    const double across = vg_abs(dy * a->cos_heading - dx * a->sin_heading);
-    const double cosine = vg_abs(a->cos_heading * b->cos_heading + a->sin_heading * b->sin_heading);
-    const double sine = vg_abs(a->cos_heading * b->sin_heading - a->sin_heading * b->cos_heading);
-
-    const double reach_along = b->half_length * cosine + b->half_width * sine;
-    const double reach_across = b->half_length * sine + b->half_width * cosine;
-    return along > a->half_length + reach_along || across > a->half_width + reach_across;
+    const Matrix2d to_a = frame_of(a).transpose();
+    const Vector2d between = to_a * Vector2d(b->x - a->x, b->y - a->y);
+    const Matrix2d turned = to_a * frame_of(b); // b's axes as a sees them
+    const Vector2d reach = turned.cwiseAbs() * Vector2d(b->half_length, b->half_width);
+    return vg_abs(between.x()) > a->half_length + reach.x()
+           || vg_abs(between.y()) > a->half_width + reach.y();
 }
 
 static double corners_to_body(const vg_rectangle* a, const vg_rectangle* b)
 {
+    const Matrix2d to_a = frame_of(a).transpose();
+    const Matrix2d axes_b = frame_of(b);
     double nearest = VG_HUGE;
     for (int corner = 0; corner < 4; ++corner) {
         const double l = (corner & 1) != 0 ? b->half_length : -b->half_length;
         const double w = (corner & 2) != 0 ? b->half_width : -b->half_width;
-        const double dx = b->x + l * b->cos_heading - w * b->sin_heading - a->x;
-        const double dy = b->y + l * b->sin_heading + w * b->cos_heading - a->y;
-        const double along = vg_abs(dx * a->cos_heading + dy * a->sin_heading);
-        const double across = vg_abs(dy * a->cos_heading - dx * a->sin_heading);
-        const double beyond_along = vg_max(along - a->half_length, 0.0);
-        const double beyond_across = vg_max(across - a->half_width, 0.0);
-        nearest = vg_min(nearest, beyond_along * beyond_along + beyond_across * beyond_across);
+        const Vector2d at = Vector2d(b->x, b->y) + l * axes_b.col(0) + w * axes_b.col(1);
+        const Vector2d seen = to_a * (at - Vector2d(a->x, a->y));
+        const Vector2d beyond(vg_max(vg_abs(seen.x()) - a->half_length, 0.0),
+                              vg_max(vg_abs(seen.y()) - a->half_width, 0.0));
+        nearest = vg_min(nearest, beyond.squaredNorm());
     }
     return nearest;
+}
+
+static Matrix2d frame_of(const vg_rectangle* body)
+{
+    return vg_frame(body->cos_heading, body->sin_heading);
 }

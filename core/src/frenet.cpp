@@ -9,7 +9,7 @@
 /// makes his d' and d'' blow up at standstill.
 #include "frenet.h"
 
-#include "contract.h"
+#include "linear.hpp"
 #include "scalar.h"
 
 #include <stddef.h>
@@ -24,9 +24,11 @@ typedef struct line {
 
 /// Position and three derivatives by the coordinate.
 typedef struct line_sample {
-    double x, y, xs, ys, xss, yss, xsss, ysss;
+    Vector2d r, rs, rss, rsss;
 } line_sample;
 
+static Matrix2d frame_of(const vg_reference* at);
+static Vector2d seen_from(const vg_reference* at, double x, double y);
 static line line_of_lane(const vg_lane* lane);
 static line line_of_path(const vg_path* path);
 static line_sample line_sample_at(const line* self, uint32_t knot, double u);
@@ -63,29 +65,26 @@ double vg_lane_project(const vg_lane* lane, double x, double y, double s_guess)
 
 vg_frenet vg_frenet_from_motion(const vg_reference* at, double s, const vg_motion* motion)
 {
-    const double dx = motion->x - at->x;
-    const double dy = motion->y - at->y;
-    const double d = dy * at->cos_heading - dx * at->sin_heading;
+    const double d = seen_from(at, motion->x, motion->y).y();
     const double scale = 1.0 - at->curvature * d;
     VERGE_ASSERT(scale > 0.0);
 
     double sine, cosine;
     vg_sincos(motion->heading, &sine, &cosine);
-    const double along = cosine * at->cos_heading + sine * at->sin_heading;
-    const double across = sine * at->cos_heading - cosine * at->sin_heading;
     const double speed = motion->speed < 1e-9 ? 0.0 : motion->speed;
     const double turn = motion->curvature * speed * speed; // acceleration to the left
-    const double a_along = motion->acceleration * along - turn * across;
-    const double a_across = motion->acceleration * across + turn * along;
+    const Matrix2d body = frame_of(at).transpose() * vg_frame(cosine, sine);
+    const Vector2d velocity = speed * body.col(0);
+    const Vector2d acceleration = body * Vector2d(motion->acceleration, turn);
 
     vg_frenet frenet;
     frenet.s = s;
     frenet.d = d;
-    frenet.s_t = speed * along / scale;
-    frenet.d_t = speed * across;
-    frenet.s_tt = (a_along + at->curvature_rate * frenet.s_t * frenet.s_t * d
+    frenet.s_t = velocity.x() / scale;
+    frenet.d_t = velocity.y();
+    frenet.s_tt = (acceleration.x() + at->curvature_rate * frenet.s_t * frenet.s_t * d
                    + 2.0 * at->curvature * frenet.s_t * frenet.d_t) / scale;
-    frenet.d_tt = a_across - at->curvature * frenet.s_t * frenet.s_t * scale;
+    frenet.d_tt = acceleration.y() - at->curvature * frenet.s_t * frenet.s_t * scale;
     return frenet;
 }
 
@@ -95,32 +94,32 @@ vg_motion vg_motion_from_frenet(const vg_reference* at, const vg_frenet* frenet,
     const double scale = 1.0 - at->curvature * frenet->d;
     VERGE_ASSERT(scale > 0.0);
 
-    const double along = frenet->s_t * scale;
-    const double across = frenet->d_t;
-    const double a_along = frenet->s_tt * scale
-                           - at->curvature_rate * frenet->s_t * frenet->s_t * frenet->d
-                           - 2.0 * at->curvature * frenet->s_t * frenet->d_t;
-    const double a_across = frenet->d_tt + at->curvature * frenet->s_t * frenet->s_t * scale;
+    const Matrix2d frame = frame_of(at);
+    const Vector2d position = Vector2d(at->x, at->y) + frenet->d * frame.col(1);
+    const Vector2d velocity(frenet->s_t * scale, frenet->d_t);
+    const Vector2d acceleration(frenet->s_tt * scale
+                                    - at->curvature_rate * frenet->s_t * frenet->s_t * frenet->d
+                                    - 2.0 * at->curvature * frenet->s_t * frenet->d_t,
+                                frenet->d_tt + at->curvature * frenet->s_t * frenet->s_t * scale);
 
     vg_motion motion;
-    motion.x = at->x - frenet->d * at->sin_heading;
-    motion.y = at->y + frenet->d * at->cos_heading;
-    motion.speed = vg_sqrt(along * along + across * across);
+    motion.x = position.x();
+    motion.y = position.y();
+    motion.speed = vg_sqrt(velocity.squaredNorm());
     if (motion.speed < 1e-6) {
         double sine, cosine;
         vg_sincos(heading_slow, &sine, &cosine);
-        const double ahead = cosine * at->cos_heading + sine * at->sin_heading;
-        const double aside = sine * at->cos_heading - cosine * at->sin_heading;
+        const Vector2d ahead = frame.transpose() * Vector2d(cosine, sine);
         motion.heading = heading_slow;
-        motion.acceleration = a_along * ahead + a_across * aside;
+        motion.acceleration = acceleration.dot(ahead);
         motion.curvature = 0.0;
         return motion;
     }
     // One arctangent of the velocity in the plane, not a sum of two angles.
-    motion.heading = vg_atan2(along * at->sin_heading + across * at->cos_heading,
-                              along * at->cos_heading - across * at->sin_heading);
-    motion.acceleration = (along * a_along + across * a_across) / motion.speed;
-    motion.curvature = (along * a_across - across * a_along)
+    const Vector2d course = frame * velocity;
+    motion.heading = vg_atan2(course.y(), course.x());
+    motion.acceleration = velocity.dot(acceleration) / motion.speed;
+    motion.curvature = vg_cross(velocity, acceleration)
                        / (motion.speed * motion.speed * motion.speed);
     return motion;
 }
@@ -165,20 +164,28 @@ vg_motion vg_motion_of_rear(const vg_motion* centre)
     return rear;
 }
 
+static Matrix2d frame_of(const vg_reference* at)
+{
+    return vg_frame(at->cos_heading, at->sin_heading);
+}
+
+/// How far (x, y) lies ahead and to the left of the line's point `at`. [m]
+static Vector2d seen_from(const vg_reference* at, double x, double y)
+{
+    return frame_of(at).transpose() * (Vector2d(x, y) - Vector2d(at->x, at->y));
+}
+
 static line line_of_lane(const vg_lane* lane)
 {
     VERGE_ASSERT(lane != NULL && lane->knot_count >= 2);
-    return (line){ .x = lane->x, .y = lane->y, .xss = lane->xss, .yss = lane->yss,
-                   .knot_count = lane->knot_count, .knot_spacing = lane->knot_spacing,
-                   .start = 0.0 };
+    return line{lane->x, lane->y, lane->xss, lane->yss, lane->knot_count, lane->knot_spacing, 0.0};
 }
 
 static line line_of_path(const vg_path* path)
 {
     VERGE_ASSERT(path != NULL && path->knot_count >= 2);
-    return (line){ .x = path->x, .y = path->y, .xss = path->xss, .yss = path->yss,
-                   .knot_count = path->knot_count, .knot_spacing = path->knot_spacing,
-                   .start = path->start };
+    return line{path->x, path->y, path->xss, path->yss, path->knot_count, path->knot_spacing,
+                path->start};
 }
 
 /// The cubic between `knot` and the next, u metres behind `knot`.
@@ -186,20 +193,17 @@ static line_sample line_sample_at(const line* self, uint32_t knot, double u)
 {
     VERGE_ASSERT(knot + 1 < self->knot_count);
     const double h = self->knot_spacing;
-    const double *x = self->x + knot, *y = self->y + knot;
-    const double *xss = self->xss + knot, *yss = self->yss + knot;
+    const Vector2d r0(self->x[knot], self->y[knot]);
+    const Vector2d r1(self->x[knot + 1], self->y[knot + 1]);
+    const Vector2d rss0(self->xss[knot], self->yss[knot]);
+    const Vector2d rss1(self->xss[knot + 1], self->yss[knot + 1]);
+    const Vector2d rs0 = (r1 - r0) / h - h * (2.0 * rss0 + rss1) / 6.0;
 
     line_sample at;
-    at.xsss = (xss[1] - xss[0]) / h;
-    at.ysss = (yss[1] - yss[0]) / h;
-    const double xs0 = (x[1] - x[0]) / h - h * (2.0 * xss[0] + xss[1]) / 6.0;
-    const double ys0 = (y[1] - y[0]) / h - h * (2.0 * yss[0] + yss[1]) / 6.0;
-    at.x = x[0] + u * (xs0 + u * (0.5 * xss[0] + u * at.xsss / 6.0));
-    at.y = y[0] + u * (ys0 + u * (0.5 * yss[0] + u * at.ysss / 6.0));
-    at.xs = xs0 + u * (xss[0] + 0.5 * u * at.xsss);
-    at.ys = ys0 + u * (yss[0] + 0.5 * u * at.ysss);
-    at.xss = xss[0] + u * at.xsss;
-    at.yss = yss[0] + u * at.ysss;
+    at.rsss = (rss1 - rss0) / h;
+    at.rss = rss0 + u * at.rsss;
+    at.rs = rs0 + u * (rss0 + 0.5 * u * at.rsss);
+    at.r = r0 + u * (rs0 + u * (0.5 * rss0 + u * at.rsss / 6.0));
     return at;
 }
 
@@ -214,22 +218,17 @@ static vg_reference line_at(const line* self, double s)
     if (knot > self->knot_count - 2) {
         knot = self->knot_count - 2;
     }
-    const double u = inside - self->knot_spacing * (double)knot;
-    const line_sample p = line_sample_at(self, knot, u);
+    const line_sample p = line_sample_at(self, knot, inside - self->knot_spacing * (double)knot);
+    const double norm = vg_sqrt(p.rs.squaredNorm());
+    const Vector2d tangent = p.rs / norm;
+    const Vector2d r = p.r + (way - inside) * tangent;
 
-    const double norm = vg_sqrt(p.xs * p.xs + p.ys * p.ys);
-    vg_reference at;
-    at.cos_heading = p.xs / norm;
-    at.sin_heading = p.ys / norm;
-    at.x = p.x + (way - inside) * at.cos_heading;
-    at.y = p.y + (way - inside) * at.sin_heading;
-    at.curvature = 0.0;
-    at.curvature_rate = 0.0;
+    vg_reference at = {r.x(), r.y(), tangent.x(), tangent.y(), 0.0, 0.0};
     if (vg_abs(way - inside) < 1e-9) { // the end itself has its curvature, rounding or not
         const double cube = norm * norm * norm;
-        at.curvature = (p.xs * p.yss - p.ys * p.xss) / cube;
-        at.curvature_rate = (p.xs * p.ysss - p.ys * p.xsss) / cube
-                            - 3.0 * at.curvature * (p.xs * p.xss + p.ys * p.yss) / (norm * norm);
+        at.curvature = vg_cross(p.rs, p.rss) / cube;
+        at.curvature_rate = vg_cross(p.rs, p.rsss) / cube
+                            - 3.0 * at.curvature * p.rs.dot(p.rss) / (norm * norm);
     }
     return at;
 }
@@ -247,7 +246,7 @@ static double line_project(const line* self, double x, double y, double s_guess)
         const double s = end == 0 ? low : high;
         if (end == 0 ? first == 0 : second == last) {
             const vg_reference at = line_at(self, s);
-            const double ahead = (x - at.x) * at.cos_heading + (y - at.y) * at.sin_heading;
+            const double ahead = seen_from(&at, x, y).x();
             if (end == 0 ? ahead <= 0.0 : ahead >= 0.0) {
                 return s + ahead;
             }
@@ -313,10 +312,9 @@ static double line_refine(const line* self, double x, double y, double low, doub
     double s = 0.5 * (low + high);
     for (int round = 0; round < 60; ++round) {
         const vg_reference at = line_at(self, s);
-        const double dx = x - at.x;
-        const double dy = y - at.y;
-        const double ahead = dx * at.cos_heading + dy * at.sin_heading;
-        const double d = dy * at.cos_heading - dx * at.sin_heading;
+        const Vector2d seen = seen_from(&at, x, y);
+        const double ahead = seen.x();
+        const double d = seen.y();
         if (ahead > 0.0) {
             low = s;
         } else {

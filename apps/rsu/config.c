@@ -192,21 +192,19 @@ static int read_road(config* self, const json_at* root, const char* path)
 {
     const json_at road = json_member(root, "road");
     const json_at road_file = json_member(root, "road_file");
+    if (json_given(&road_file) && json_string(root, "road_file")[0] == '\0') {
+        json_fail(&road_file, "is not a path, expected the name of a file with a road");
+        return EXIT_CONFIG;
+    }
     if (json_given(&road) == json_given(&road_file)) {
         json_fail(&road, "%s, expected one of road and road_file",
                   json_given(&road) ? "is given twice" : "is missing");
         return EXIT_CONFIG;
     }
-    int code = 0;
     if (json_given(&road)) {
-        code = take_road(self, &road) ? 0 : EXIT_CONFIG;
-    } else if (json_string(root, "road_file")[0] == '\0') {
-        json_fail(&road_file, "is not a path, expected the name of a file with a road");
-        code = EXIT_CONFIG;
-    } else {
-        code = read_road_file(self, &road_file, path);
+        return take_road(self, &road) ? 0 : EXIT_CONFIG;
     }
-    return code;
+    return read_road_file(self, &road_file, path);
 }
 
 // ---- what is in force ---------------------------------------------------------------------

@@ -534,10 +534,13 @@ bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* mo
         const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
                               moves->station[0], moves->v[0], nowhere);
         const float half = scene->half_length[slot];
-        // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too.
+        // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too,
+        // less of it where everyone crawls.
+        const float crawling = (float)scene->def->idm_gap
+                               + (float)scene->def->idm_headway_s * flow->v[slot];
+        const float room = least(scene->change_gap, crawling);
         const bool legal = fits(margins_of(scene, &w, half, flow->v[slot], 0.0f))
-                           && w.gap_l - half >= scene->change_gap
-                           && w.gap_f - half >= scene->change_gap;
+                           && w.gap_l - half >= room && w.gap_f - half >= room;
         moves->open[slot] = (uint8_t)(moves->open[slot] & ~bit);
         moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
     }

@@ -15,7 +15,7 @@ static vg_profile stop_smoothly(const vg_state* start, double T);
 static void append(vg_profile* profile, double duration, double jerk, double snap);
 static double link_strain(const vg_leg* leg, double d, double v, double a, double span,
                           double offset, double speed);
-static void base_link(double c[6], double d, double v, double a, double span);
+static void link_at(const vg_quintic* link, double x, double out[4]);
 
 vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T)
 {
@@ -141,7 +141,10 @@ void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double low, doubl
             leg->span = span;
         }
     }
-    base_link(leg->base, start->d, d_v, d_a, leg->span);
+    const vg_axis_state here = { start->d, d_v, d_a }, none = { 0.0, 0.0, 0.0 };
+    const vg_axis_state one = { 1.0, 0.0, 0.0 };
+    leg->base = vg_quintic_between(here, none, leg->span);
+    leg->shape = vg_quintic_between(none, one, leg->span);
 }
 
 /// How far the link to `offset` exceeds what steering rate and comfort allow: above 1 it does.
@@ -163,24 +166,14 @@ static double link_strain(const vg_leg* leg, double d, double v, double a, doubl
     return vg_max(third / third_max, second / second_max);
 }
 
-static void base_link(double c[6], double d, double v, double a, double span)
+/// Offset and three derivatives, x behind the link's start.
+static void link_at(const vg_quintic* link, double x, double out[4])
 {
-    const double T = span, rise = -d;
-    c[0] = d;
-    c[1] = v;
-    c[2] = 0.5 * a;
-    c[3] = (20.0 * rise - 12.0 * v * T - 3.0 * a * T * T) / (2.0 * T * T * T);
-    c[4] = (-30.0 * rise + 16.0 * v * T + 3.0 * a * T * T) / (2.0 * T * T * T * T);
-    c[5] = (12.0 * rise - 6.0 * v * T - a * T * T) / (2.0 * T * T * T * T * T);
-}
-
-/// Value and three derivatives of a quintic.
-static void quintic_at(const double c[6], double x, double out[4])
-{
-    out[0] = c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))));
-    out[1] = c[1] + x * (2.0 * c[2] + x * (3.0 * c[3] + x * (4.0 * c[4] + x * 5.0 * c[5])));
-    out[2] = 2.0 * c[2] + x * (6.0 * c[3] + x * (12.0 * c[4] + x * 20.0 * c[5]));
-    out[3] = 6.0 * c[3] + x * (24.0 * c[4] + x * 60.0 * c[5]);
+    const vg_axis_sample at = vg_quintic_at(link, x);
+    out[0] = at.position;
+    out[1] = at.velocity;
+    out[2] = at.acceleration;
+    out[3] = at.jerk;
 }
 
 /// Derivatives in time to derivatives in way.
@@ -205,11 +198,8 @@ vg_row vg_leg_row(const vg_leg* leg, double t)
         row.shape[0] = 1.0; // arrived: base and all derivatives are zero
         return row;
     }
-    const double T = leg->span;
-    const double unit[6] = { 0.0, 0.0, 0.0, 10.0 / (T * T * T), -15.0 / (T * T * T * T),
-                             6.0 / (T * T * T * T * T) };
-    quintic_at(leg->base, x, row.base);
-    quintic_at(unit, x, row.shape);
+    link_at(&leg->base, x, row.base);
+    link_at(&leg->shape, x, row.shape);
     if (!leg->by_way) {
         in_way(row.base, &at);
         in_way(row.shape, &at);

@@ -11,6 +11,7 @@
 #define VG_KINEMATICS_H
 
 #include "frenet.h"
+#include "quintic.h"
 #include "scalar.h"
 
 #ifdef __cplusplus
@@ -45,7 +46,8 @@ typedef struct vg_leg {
     double s_start;       ///< [m]
     bool   by_way;        ///< d(s); else d(t)
     double span;          ///< [m] or [s] after which the offset is reached
-    double base[6];       ///< link from the start state to offset 0, powers of way or time
+    vg_quintic base;      ///< link in way or time from the start state to offset 0
+    vg_quintic shape;     ///< link from rest at offset 0 to rest at offset 1
 } vg_leg;
 
 /// One leg at one instant.

@@ -2,8 +2,8 @@
 /// between static functions of one file, plain structs at its border.
 ///
 /// Results must not depend on how Eigen orders a sum. So: products, dot products and norms of two
-/// terms, where there is but one order; and everything coefficient by coefficient. Longer sums are
-/// written out. sqrt is vg_sqrt.
+/// terms, where there is but one order; everything coefficient by coefficient; longer sums only of
+/// small integers, which are exact in any order. All others are written out. sqrt is vg_sqrt.
 #ifndef VG_LINEAR_HPP
 #define VG_LINEAR_HPP
 
@@ -18,6 +18,7 @@
 #define eigen_assert(condition) VERGE_ASSERT(condition) // the library has one way out
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 
 using Eigen::Matrix2d;
 using Eigen::Matrix3d;

@@ -5,8 +5,6 @@
 #ifndef VG_QUINTIC_H
 #define VG_QUINTIC_H
 
-#include "contract.h"
-
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -31,27 +29,7 @@ typedef struct vg_axis_sample {
 } vg_axis_sample;
 
 /// The link from start at t = 0 to end at t = duration > 0.
-static inline vg_quintic vg_quintic_between(vg_axis_state start, vg_axis_state end, double duration)
-{
-    VERGE_ASSERT(duration > 0.0);
-
-    // What a parabola from the start misses at the end, each scaled to a length.
-    const double t = duration;
-    const double position = end.position - start.position
-                            - (start.velocity + 0.5 * start.acceleration * t) * t;
-    const double velocity = (end.velocity - start.velocity - start.acceleration * t) * t;
-    const double acceleration = (end.acceleration - start.acceleration) * t * t;
-
-    const double t3 = t * t * t;
-    vg_quintic q;
-    q.c[0] = start.position;
-    q.c[1] = start.velocity;
-    q.c[2] = 0.5 * start.acceleration;
-    q.c[3] = (10.0 * position - 4.0 * velocity + 0.5 * acceleration) / t3;
-    q.c[4] = (-15.0 * position + 7.0 * velocity - acceleration) / (t3 * t);
-    q.c[5] = (6.0 * position - 3.0 * velocity + 0.5 * acceleration) / (t3 * t * t);
-    return q;
-}
+vg_quintic vg_quintic_between(vg_axis_state start, vg_axis_state end, double duration);
 
 static inline vg_axis_sample vg_quintic_at(const vg_quintic* q, double t)
 {

@@ -267,7 +267,8 @@ static void check_changes(const stage* at, uint32_t i, uint8_t legal, uint32_t* 
         const bool allowed = v >= 0.5
                              && (finishing || (beside && (wanted || overtake)));
         const window there = window_of(at, i, y, 0.0);
-        const double half = at->scene.half_length[i], room = at->def.change_gap;
+        const double half = at->scene.half_length[i];
+        const double room = fmin(at->def.change_gap, at->def.idm_gap + at->def.idm_headway_s * v);
         const double least = fmin(there.ahead_gap, there.behind_gap) - half;
         const int window_fits = inside(there, v);
         const int fits = window_fits < 0 || fabs(least - room) < 5e-3

@@ -55,7 +55,8 @@ typedef struct verge_planner_def {
     uint32_t steps;             ///< [1]     decision steps; horizon = steps * step_s
     double   reaction_s;        ///< [s]     tau, Eq. 2
     double   headway_s;         ///< [s]     MTH, Eq. 2
-    double   change_gap;        ///< [m]     least free way, ahead and behind, that a change leaves
+    double   change_gap;        ///< [m]     free way, ahead and behind, that a change leaves; less below
+                                ///<         (change_gap - idm_gap) / idm_headway_s
     double   exploration;       ///< [1]     C_p, Eq. 1
     double   acceleration;      ///< [m/s^2] a_acc, Table 1
     double   deceleration;      ///< [m/s^2] a_dec, Table 1

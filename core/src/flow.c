@@ -38,6 +38,10 @@ static const float change_speed_min = 0.5f; // [m/s]
 // worth a change away from the target. [m], [1]
 static const float overtake_sight = 60.0f;
 static const float overtake_pace = 0.6f;
+// Kept free before a lane's end, to merge from standstill. Who is slower than this may use it as
+// soon as there is room beside. [m], [m/s]
+static const float merge_reserve = 15.0f;
+static const float merge_speed = 2.0f;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;
 
@@ -482,11 +486,12 @@ static bool fits(margins m)
     return m.upper >= 0.0f && m.lower >= 0.0f;
 }
 
-// The end of a lane that leads nowhere is a standing leader.
+// The end of a lane that leads nowhere is a standing leader, a little before the end: whoever has
+// to wait there needs way to get going and across.
 static float dead_end_ahead(const vg_scene* scene, const vg_flow* flow, uint32_t slot, float station)
 {
     const vg_lane* lane = &scene->road->lanes[flow->lane[slot]];
-    return lane->dead_end ? (float)lane->station_end - station : nowhere;
+    return lane->dead_end ? (float)lane->station_end - merge_reserve - station : nowhere;
 }
 
 // Where nothing in the lane fits the window, the least harmful stays: brake for a leader, else
@@ -524,27 +529,51 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     return (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u);
 }
 
-// Does the change fit the window among those in both lanes it touches?
+// Does a change to this side (1 left, 2 right) fit the window among those in both lanes it touches?
+static bool change_fits(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot,
+                        uint32_t side)
+{
+    const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
+                          moves->station[0], moves->v[0], nowhere);
+    const float half = scene->half_length[slot];
+    // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too,
+    // less of it where everyone crawls.
+    const float crawling =
+        (float)scene->def->idm_gap + (float)scene->def->idm_headway_s * flow->v[slot];
+    const float room = least(scene->change_gap, crawling);
+    return fits(margins_of(scene, &w, half, flow->v[slot], 0.0f)) && w.gap_l - half >= room
+           && w.gap_f - half >= room;
+}
+
 bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot,
                         uint8_t action)
 {
     const uint8_t bit = (uint8_t)(1u << action);
     if ((moves->open[slot] & bit) != 0) {
         const uint32_t side = action == VERGE_CHANGE_LEFT ? 1u : 2u;
-        const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
-                              moves->station[0], moves->v[0], nowhere);
-        const float half = scene->half_length[slot];
-        // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too,
-        // less of it where everyone crawls.
-        const float crawling = (float)scene->def->idm_gap
-                               + (float)scene->def->idm_headway_s * flow->v[slot];
-        const float room = least(scene->change_gap, crawling);
-        const bool legal = fits(margins_of(scene, &w, half, flow->v[slot], 0.0f))
-                           && w.gap_l - half >= room && w.gap_f - half >= room;
+        const bool legal = change_fits(scene, flow, moves, slot, side);
         moves->open[slot] = (uint8_t)(moves->open[slot] & ~bit);
         moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
     }
     return (moves->legal[slot] & bit) != 0;
+}
+
+// Who waits at a lane's end sets off once there is room beside and way enough to get across.
+static bool may_set_off(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot)
+{
+    const verge_road* road = scene->road;
+    const uint32_t lane = (uint32_t)flow->lane[slot];
+    const int32_t target = scene->target[slot];
+    if (!road->lanes[lane].dead_end || flow->v[slot] >= merge_speed) {
+        return false;
+    }
+    const float rate = flow->rate[slot];
+    const float left = ((float)road->lanes[lane].station_end - moves->station[1][slot]) * rate;
+    const int8_t way = target < 0 ? 0 : road->move[lane * road->lane_count + (uint32_t)target];
+    const bool to_left = way > 0 || (way == 0 && flow->left_gap[slot] > 0.0f);
+    const bool beside = (to_left ? flow->left_gap : flow->right_gap)[slot] > 0.0f;
+    return beside && left - scene->half_length[slot] > moves->v[1][slot]
+           && change_fits(scene, flow, moves, slot, to_left ? 1u : 2u);
 }
 
 // The single pruning of section 3.1.3. Everyone's neighbours are taken at the same instant as
@@ -569,6 +598,9 @@ static void keep_window(const vg_scene* scene, const vg_flow* flow, vg_moves* mo
     }
     if (legal == 0) {
         legal = least_harm(ks, ac, dc);
+    }
+    if (may_set_off(scene, flow, moves, slot)) {
+        legal |= 1u << VERGE_ACCELERATE;
     }
     moves->legal[slot] = (uint8_t)legal;
     moves->open[slot] = (uint8_t)changes_allowed(scene, flow, &keep, slot);

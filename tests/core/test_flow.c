@@ -312,6 +312,34 @@ static void the_actions_left_are_those_whose_new_speed_lies_in_the_window(void**
     stage_close(at);
 }
 
+/// Lane 0 ends 300 m before lane 1 does.
+static void who_waits_at_a_lanes_end_sets_off_when_there_is_room_beside(void** state)
+{
+    (void)state;
+    stage* at = stage_open(2, 600.0);
+    at->points[0][1][0] = 300.0;
+    stage_build(at);
+    for (uint32_t k = 0; k < 3; ++k) { // alone; someone beside; no way left
+        vg_moves moves;
+        memset(&moves, 0, sizeof moves);
+        stage_clear(at);
+        stage_add(at, true, 0, k == 2 ? 297.0 : 288.0, 0.0, 0.0, 1);
+        stage_add(at, false, 1, k == 1 ? 289.0 : 450.0, 0.0, 0.0, -1);
+        stage_begin(at);
+        vg_flow_moves(&at->scene, &at->root, &moves);
+        assert_int_equal((moves.legal[0] >> VERGE_ACCELERATE) & 1, k == 0);
+    }
+    stage_clear(at); // and who comes along slows down well before
+    stage_add(at, true, 0, 250.0, 0.0, 10.0, 1);
+    stage_begin(at);
+    vg_moves moves;
+    memset(&moves, 0, sizeof moves);
+    vg_flow_moves(&at->scene, &at->root, &moves);
+    assert_int_equal(moves.legal[0] & 7, 1 << VERGE_DECELERATE);
+    assert_true((moves.legal[0] >> VERGE_CHANGE_LEFT & 1) != 0);
+    stage_close(at);
+}
+
 // ---------------------------------------------------------------------------- humans
 
 static void humans_follow_the_idm_behind_the_nearest_vehicle_in_their_path(void** state)
@@ -810,6 +838,7 @@ int main(void)
         cmocka_unit_test(two_steps_make_a_whole_change_and_the_id_flips_with_the_second),
         cmocka_unit_test(short_steps_change_lanes_at_the_same_pace),
         cmocka_unit_test(the_actions_left_are_those_whose_new_speed_lies_in_the_window),
+        cmocka_unit_test(who_waits_at_a_lanes_end_sets_off_when_there_is_room_beside),
         cmocka_unit_test(humans_follow_the_idm_behind_the_nearest_vehicle_in_their_path),
         cmocka_unit_test(humans_with_room_never_touch_their_leader_in_steps_up_to_a_second),
         cmocka_unit_test(a_human_stays_in_its_lane_where_the_lane_leads),

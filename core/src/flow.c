@@ -529,12 +529,12 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     return (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u);
 }
 
-// Does a change to this side (1 left, 2 right) fit the window among those in both lanes it touches?
+// Does a change that comes to y fit the window among those in both lanes it touches?
 static bool change_fits(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot,
-                        uint32_t side)
+                        float y)
 {
-    const window w = look(scene, flow, slot, moves->station[0][slot], moves->y[side][slot],
-                          moves->station[0], moves->v[0], nowhere);
+    const window w = look(scene, flow, slot, moves->station[0][slot], y, moves->station[0],
+                          moves->v[0], nowhere);
     const float half = scene->half_length[slot];
     // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too,
     // less of it where everyone crawls.
@@ -551,7 +551,7 @@ bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* mo
     const uint8_t bit = (uint8_t)(1u << action);
     if ((moves->open[slot] & bit) != 0) {
         const uint32_t side = action == VERGE_CHANGE_LEFT ? 1u : 2u;
-        const bool legal = change_fits(scene, flow, moves, slot, side);
+        const bool legal = change_fits(scene, flow, moves, slot, moves->y[side][slot]);
         moves->open[slot] = (uint8_t)(moves->open[slot] & ~bit);
         moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
     }
@@ -571,9 +571,9 @@ static bool may_set_off(const vg_scene* scene, const vg_flow* flow, const vg_mov
     const float left = ((float)road->lanes[lane].station_end - moves->station[1][slot]) * rate;
     const int8_t way = target < 0 ? 0 : road->move[lane * road->lane_count + (uint32_t)target];
     const bool to_left = way > 0 || (way == 0 && flow->left_gap[slot] > 0.0f);
-    const bool beside = (to_left ? flow->left_gap : flow->right_gap)[slot] > 0.0f;
-    return beside && left - scene->half_length[slot] > moves->v[1][slot]
-           && change_fits(scene, flow, moves, slot, to_left ? 1u : 2u);
+    const float across = to_left ? flow->left_gap[slot] : -flow->right_gap[slot];
+    return across != 0.0f && left - scene->half_length[slot] > moves->v[1][slot]
+           && change_fits(scene, flow, moves, slot, flow->y[slot] + 0.5f * across);
 }
 
 // The single pruning of section 3.1.3. Everyone's neighbours are taken at the same instant as

@@ -354,21 +354,32 @@ static void longitudinal_moves(const vg_scene* scene, const vg_flow* flow, vg_mo
     }
 }
 
-// Keeping: back to the lane's centre. Changing: half the distance between two centrelines, and
-// never past the next centre. d beyond `centred` on the far side: completing a change comes first.
-static void lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
+// How far a change goes in one step where speed does not limit it: half the distance between two
+// centrelines, and never past the next centre. d beyond `centred` on the far side: completing a
+// change comes first. [m] to the side in question
+INLINE float change_way(const vg_flow* flow, uint32_t i, bool to_left, float room)
+{
+    const float d = to_left ? flow->d[i] : -flow->d[i];
+    const float gap = to_left ? flow->left_gap[i] : flow->right_gap[i];
+    return least(d < -centred ? -d : gap - d, room);
+}
+
+INLINE float change_room(const vg_scene* scene, const vg_flow* flow, uint32_t i)
 {
     const float part = 0.5f * (float)scene->def->step_s / change_step_s;
+    return most(most(flow->left_gap[i], flow->right_gap[i]), 3.0f) * part;
+}
+
+// Keeping: back to the lane's centre. Nobody gets across steeper than change_slope.
+static void lateral_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves)
+{
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         const float d = flow->d[i], y = flow->y[i];
-        const float left = flow->left_gap[i], right = flow->right_gap[i];
         const float slope = change_slope * flow->v[i] * (float)scene->def->step_s;
-        const float room = least(most(most(left, right), 3.0f) * part, slope);
-        const float left_rest = d < -centred ? -d : left - d;
-        const float right_rest = d > centred ? d : right + d;
+        const float room = least(change_room(scene, flow, i), slope);
         moves->y[0][i] = y + most(least(-d, room), -room);
-        moves->y[1][i] = y + least(left_rest, room);
-        moves->y[2][i] = y - least(right_rest, room);
+        moves->y[1][i] = y + change_way(flow, i, true, room);
+        moves->y[2][i] = y - change_way(flow, i, false, room);
     }
 }
 
@@ -550,8 +561,11 @@ bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* mo
 {
     const uint8_t bit = (uint8_t)(1u << action);
     if ((moves->open[slot] & bit) != 0) {
-        const uint32_t side = action == VERGE_CHANGE_LEFT ? 1u : 2u;
-        const bool legal = change_fits(scene, flow, moves, slot, moves->y[side][slot]);
+        // Who is slow gets across in more steps, but looks as far as the others do.
+        const bool to_left = action == VERGE_CHANGE_LEFT;
+        const float way = change_way(flow, slot, to_left, change_room(scene, flow, slot));
+        const float y = flow->y[slot] + (to_left ? way : -way);
+        const bool legal = change_fits(scene, flow, moves, slot, y);
         moves->open[slot] = (uint8_t)(moves->open[slot] & ~bit);
         moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
     }

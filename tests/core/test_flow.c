@@ -263,7 +263,7 @@ static void check_changes(const stage* at, uint32_t i, uint8_t legal, uint32_t* 
         const bool beside = lane + side >= 0 && lane + side < (int32_t)at->def.road.lane_count;
         const bool wanted = target >= 0 && (target - lane) * side > 0;
         const double goal = finishing ? 0.0 : WIDTH;
-        const double y = WIDTH * lane + side * fmin(d * side + across(v, at->def.step_s), goal);
+        const double y = WIDTH * lane + side * fmin(d * side + 0.5 * WIDTH, goal);
         const bool allowed = v >= 0.5
                              && (finishing || (beside && (wanted || overtake)));
         const window there = window_of(at, i, y, 0.0);

@@ -14,18 +14,22 @@
 
 #include <stddef.h>
 
+namespace {
+
 /// A uniform cubic spline through the plane, whoever owns its knots.
-typedef struct line {
+struct line {
     const double *x, *y, *xss, *yss;
     uint32_t knot_count;
     double   knot_spacing; ///< [m]
     double   start;        ///< [m] coordinate of knot 0
-} line;
+};
 
 /// Position and three derivatives by the coordinate.
-typedef struct line_sample {
+struct line_sample {
     Vector2d r, rs, rss, rsss;
-} line_sample;
+};
+
+} // namespace
 
 static Matrix2d frame_of(const vg_reference* at);
 static Vector2d seen_from(const vg_reference* at, double x, double y);

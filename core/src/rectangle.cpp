@@ -32,7 +32,7 @@ static bool axis_separates(const vg_rectangle* a, const vg_rectangle* b)
     const Matrix2d to_a = frame_of(a).transpose();
     const Vector2d between = to_a * Vector2d(b->x - a->x, b->y - a->y);
     const Matrix2d turned = to_a * frame_of(b); // b's axes as a sees them
-    const Vector2d reach = turned.cwiseAbs() * Vector2d(b->half_length, b->half_width);
+    const Vector2d reach = turned.unaryExpr(&vg_abs) * Vector2d(b->half_length, b->half_width);
     return vg_abs(between.x()) > a->half_length + reach.x()
            || vg_abs(between.y()) > a->half_width + reach.y();
 }

@@ -50,7 +50,7 @@ def core_faults(root, own, foreign):
             continue
         if name == "linear.hpp" and path.suffix == ".cpp":
             continue
-        why = "Eigen goes through linear.hpp into a .cpp of core" if eigen else "core may not include this"
+        why = "Eigen goes through linear.hpp into a .cpp" if eigen else "core may not include this"
         yield f"{path.relative_to(root)}:{number}: {name}: {why}"
 
 

@@ -153,6 +153,34 @@ static const table_line* line_of(const table* rows, const char* with, double con
     return found;
 }
 
+/// The goals for verge: the paper's best cells, gaps of the column without planning.
+static void goal_note(const lab* self, const table* rows)
+{
+    static const char* const with[] = { "as-stated", "as-run" };
+    fputs("\nGoals for verge, all repeats: every run succeeds with bodies never closer than 1 m; "
+          "fewer nodes and a smaller mean finish time than the paper's whole framework; a mean "
+          "smallest gap above the paper's best column (without planning).\n\n"
+          "|setting|controlled|success, 1 m|nodes|finish time|gap|\n|---|---:|---|---|---|---|\n",
+          self->notes);
+    for (uint32_t s = 0; s < 2; s++) {
+        for (uint32_t n = 0; n < counts_of_controlled; n++) {
+            const table_line* line = line_of(rows, with[s], n + 2.0, "verge");
+            const printed*    paper = paper_rows[n];
+            const double      nearest = cell_of(line, "min_distance_worst");
+            const double      nodes = cell_of(line, "nodes"), time = cell_of(line, "finish_time");
+            const double      gap = cell_of(line, "min_center_gap");
+            fprintf(self->notes, "|%s|%u|%s (%.0f %%, %.2f m)|%s (%.0f of %.0f)|%s (%.2f of %.2f s)"
+                    "|%s (%.2f of %.2f m)|\n", with[s], n + 2,
+                    cell_of(line, "success") == 1.0 && nearest >= 1.0 ? "reached" : "**missed**",
+                    100.0 * cell_of(line, "success"), nearest,
+                    nodes < paper[0].nodes ? "reached" : "**missed**", nodes, paper[0].nodes,
+                    time < paper[0].finish_time ? "reached" : "**missed**", time,
+                    paper[0].finish_time, gap > paper[1].gap ? "reached" : "**missed**", gap,
+                    paper[1].gap);
+        }
+    }
+}
+
 static void paper_note(const lab* self, const table* rows)
 {
     if (self->notes == NULL) {
@@ -181,6 +209,7 @@ static void paper_note(const lab* self, const table* rows)
                     cell_of(run, "min_center_gap"));
         }
     }
+    goal_note(self, rows);
 }
 
 // ---------------------------------------------------------------------------- the front

@@ -24,7 +24,6 @@ static volatile sig_atomic_t interrupted;
 
 static void* work(void* queue_given);
 static bool  take(queue* from, uint32_t* index);
-static char* read_all(const char* path);
 static void  on_signal(int signal_number);
 
 lab_document* lab_open(const lab* self, const char* name)
@@ -35,7 +34,7 @@ lab_document* lab_open(const lab* self, const char* name)
     } else {
         snprintf(path, sizeof path, "%s/%s.json", self->scenarios, name);
     }
-    char* text = read_all(path);
+    char* text = lab_read(path);
     if (text == NULL) {
         fprintf(stderr, "%s:file: cannot be read (%s)\n", path, strerror(errno));
         return NULL;
@@ -147,6 +146,35 @@ void lab_free_results(outcome* results, uint32_t count)
     }
 }
 
+char* lab_read(const char* path)
+{
+    FILE* in = fopen(path, "rb");
+    char* text = NULL;
+    if (in == NULL) {
+        return NULL;
+    }
+    size_t size = 0, capacity = 0;
+    for (;;) {
+        if (size == capacity) {
+            capacity = 2 * capacity + 65536;
+            text = must_realloc(text, capacity);
+        }
+        const size_t got = fread(text + size, 1, capacity - size, in);
+        size += got;
+        if (got == 0) {
+            break;
+        }
+    }
+    const bool failed = ferror(in) != 0;
+    fclose(in);
+    if (failed) {
+        free(text);
+        return NULL;
+    }
+    text[size] = '\0';
+    return text;
+}
+
 bool lab_write(const lab* self, const char* name, const char* text, size_t size)
 {
     static output file; // large
@@ -208,34 +236,4 @@ static bool take(queue* from, uint32_t* index)
     }
     pthread_mutex_unlock(&from->lock);
     return any;
-}
-
-/// Null (errno): not readable.
-static char* read_all(const char* path)
-{
-    FILE* in = fopen(path, "rb");
-    char* text = NULL;
-    if (in == NULL) {
-        return NULL;
-    }
-    size_t size = 0, capacity = 0;
-    for (;;) {
-        if (size == capacity) {
-            capacity = 2 * capacity + 65536;
-            text = must_realloc(text, capacity);
-        }
-        const size_t got = fread(text + size, 1, capacity - size, in);
-        size += got;
-        if (got == 0) {
-            break;
-        }
-    }
-    const bool failed = ferror(in) != 0;
-    fclose(in);
-    if (failed) {
-        free(text);
-        return NULL;
-    }
-    text[size] = '\0';
-    return text;
 }

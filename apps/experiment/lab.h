@@ -56,6 +56,8 @@ void lab_clear(lab* self);
 bool lab_run(const lab* self, const trial* tasks, outcome* results, uint32_t count);
 void lab_free_results(outcome* results, uint32_t count);
 
+/// The file's text, to be freed; null (errno): not readable.
+char* lab_read(const char* path);
 /// Writes text to the file OUT/name. False: a line was printed.
 bool lab_write(const lab* self, const char* name, const char* text, size_t size);
 

@@ -21,6 +21,7 @@ typedef struct request {
     const char* repeats_text;
     const char* seed_text;
     const char* json;
+    const char* page;
     bool        list, no_progress;
     uint64_t    repeats; ///< 0: each experiment's own
 } request;
@@ -31,6 +32,7 @@ static bool file_check(const char* path);
 static int  run_all(const request* with, lab* self);
 static bool run_one(const experiment* one, lab* self, table* rows);
 static bool write_json(const char* path, const table* all, uint32_t count);
+static bool write_page(const char* path, const lab* self);
 
 int main(int argc, char** argv)
 {
@@ -39,11 +41,13 @@ int main(int argc, char** argv)
                      .out = "out/experiments", .seed = 1 };
     const option_entry options[] = {
         { "--only", "NAME", "runs this experiment only", &with.only, NULL },
-        { "--repeats", "N", "seeds, or scenes, of each setting (default: each experiment's own)",
+        { "--repeats", "N", "seeds or scenes of each setting (default: each experiment's own)",
           &with.repeats_text, NULL },
         { "--seed", "N", "seed of the first repeat; the next ones count on (default 1)",
           &with.seed_text, NULL },
         { "--json", "FILE", "writes the rows to this file, too", &with.json, NULL },
+        { "--page", "FILE", "writes a page of all tables in the folder of results", &with.page,
+          NULL },
         { "--out", "DIR", "folder of results (default out/experiments)", &self.out, NULL },
         { "--scenarios", "DIR", "takes the scenario files from DIR", &self.scenarios, NULL },
         { "--recordings", "DIR", "takes recorded traffic from DIR", &self.recordings, NULL },
@@ -109,9 +113,12 @@ static bool usage_check(const request* with, const lab* self)
                 self->out, strerror(errno));
         return false;
     }
-    if (with->json != NULL && !file_check(with->json)) {
-        fprintf(stderr, "%s:file: cannot be written (%s)\n", with->json, strerror(errno));
-        return false;
+    const char* const files[] = { with->json, with->page };
+    for (uint32_t i = 0; i < sizeof files / sizeof files[0]; i++) {
+        if (files[i] != NULL && !file_check(files[i])) {
+            fprintf(stderr, "%s:file: cannot be written (%s)\n", files[i], strerror(errno));
+            return false;
+        }
     }
     return true;
 }
@@ -162,6 +169,7 @@ static int run_all(const request* with, lab* self)
         done += good ? 1 : 0;
         good = good && (with->json == NULL || write_json(with->json, all, done));
     }
+    good = good && (with->page == NULL || write_page(with->page, self));
     if (lab_interrupted()) {
         fprintf(stderr, "verge-experiment:interrupted: %u finished, results in %s\n", done,
                 self->out);
@@ -226,6 +234,41 @@ static bool write_json(const char* path, const table* all, uint32_t count)
     }
     if (good && count > 1) {
         fputs("]}\n", file.stream);
+    }
+    good = good && output_close(&file);
+    if (!good) {
+        fprintf(stderr, "%s:file: cannot be written (%s)\n", path, strerror(errno));
+        output_abandon(&file);
+    }
+    return good;
+}
+
+/// Every experiment's Markdown from the folder of results, with the commands that make it.
+static bool write_page(const char* path, const lab* self)
+{
+    static output file; // large
+    bool good = output_open(&file, path);
+    if (good) {
+        fputs("# Results of verge-experiment\n\nMade by\n\n"
+              "    build/bin/verge-experiment --out out/experiments --page"
+              " apps/experiment/RESULTS.md\n"
+              "    tools/experiment_plots.py out/experiments\n\n"
+              "(one experiment alone with `--only NAME`, its number of seeds with `--repeats N`, as"
+              " each section states it; the second command draws the figures). What the columns"
+              " are: apps/common/metrics.h, apps/experiment/trial.h and summary.h; `worst` is the"
+              " worst of all runs, a dash is \"not measured\" or, for a worst finish time, \"not"
+              " everybody finished\". `nodes` are those created until the returned plan was found"
+              " first, `nodes total` all. Settings, methods and the choices where the paper is"
+              " silent: freeway.c, decided.h, sequential.h.\n", file.stream);
+    }
+    for (uint32_t i = 0; good && i < experiment_count; i++) {
+        char name[4096];
+        snprintf(name, sizeof name, "%s/%s.md", self->out, experiments[i].name);
+        char* text = lab_read(name);
+        if (text != NULL) {
+            fprintf(file.stream, "\n%s", text);
+        }
+        free(text);
     }
     good = good && output_close(&file);
     if (!good) {

@@ -1,0 +1,161 @@
+#!/usr/bin/env python3
+"""verge-experiment from outside: its rows, its exit codes, its bytes, and what must not get worse.
+
+The gate at the end holds successes, clearances and X_flow with fixed seeds, never times.
+Usage: e2e_experiment.py --bin DIR [--lcm-python DIR]
+"""
+import argparse
+import json
+import os
+import re
+import signal
+import subprocess
+import tempfile
+import time
+
+TABLE = ["setting", "controlled", "method", "repeats", "success", "nodes", "finish_time",
+         "min_center_gap", "min_distance"]
+
+
+def run(program, *arguments, status=0):
+    done = subprocess.run([program, *arguments], capture_output=True, text=True, timeout=280)
+    assert done.returncode == status, \
+        f"{arguments}: exit {done.returncode}, expected {status}: {done.stderr}"
+    if status == 2:
+        assert re.fullmatch(r"[^\n]+:[^\n]+: [^\n]+\n", done.stderr), repr(done.stderr)
+        assert done.stdout == "", "a table beside an error"
+    else:
+        assert done.stderr == "", done.stderr  # no progress where there is no terminal
+    return done
+
+
+def rows_of(program, folder, name, repeats, *more):
+    path = os.path.join(folder, f"{name}-rows.json")
+    run(program, "--only", name, "--repeats", str(repeats), "--out", folder, "--json", path, *more)
+    with open(path, encoding="utf-8") as file:
+        document = json.load(file)
+    with open(os.path.join(folder, f"{name}.json"), encoding="utf-8") as file:
+        assert json.load(file) == document, "--json differs from the folder's file"
+    assert document["experiment"] == name
+    return document["rows"]
+
+
+def check_bad_input(program, folder):
+    blocked = os.path.join(folder, "blocked")
+    with open(blocked, "w", encoding="utf-8"):
+        pass
+    for arguments in (["--only", "nothing"], ["--repeats", "0"], ["--repeats", "x"],
+                      ["--seed", "-1"], ["--out", os.path.join(blocked, "below")],
+                      ["--json", os.path.join(blocked, "f.json"), "--out", folder], ["--no-such"]):
+        run(program, *arguments, status=2)
+    listed = run(program, "--list").stdout.split("\n")
+    assert any(line.startswith("freeway-table ") for line in listed), listed
+
+
+def check_interrupt(program, folder):
+    """What had finished is whole; the one under way has left no rows; nothing half-written."""
+    out = os.path.join(folder, "interrupted")
+    process = subprocess.Popen([program, "--repeats", "3", "--out", out], stderr=subprocess.PIPE,
+                               stdout=subprocess.DEVNULL, text=True)
+    limit = time.monotonic() + 120
+    while not os.path.exists(os.path.join(out, "freeway-table.json")):
+        assert time.monotonic() < limit and process.poll() is None, "it ended too early"
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1 and "interrupted" in errors, (process.returncode, errors)
+    for name in os.listdir(out):
+        assert name.endswith((".json", ".md", ".jsonl")), f"left behind: {name}"
+        if name.endswith(".json"):
+            with open(os.path.join(out, name), encoding="utf-8") as file:
+                assert json.load(file)["rows"]
+
+
+def check_same_bytes(program, folder):
+    """The same rows on one processor as on all."""
+    everywhere = rows_of(program, os.path.join(folder, "all"), "freeway-table", 2)
+    os.makedirs(os.path.join(folder, "one"), exist_ok=True)
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(before)})
+    try:
+        alone = rows_of(program, os.path.join(folder, "one"), "freeway-table", 2)
+    finally:
+        os.sched_setaffinity(0, before)
+    assert everywhere == alone
+    for name in os.listdir(os.path.join(folder, "one")):
+        if name.endswith(".jsonl"):
+            with open(os.path.join(folder, "one", name), "rb") as a, \
+                    open(os.path.join(folder, "all", name), "rb") as b:
+                assert a.read() == b.read(), name
+
+
+def gate_table(program, folder):
+    rows = rows_of(program, folder, "freeway-table", 10)
+    for row in rows:
+        assert all(key in row for key in TABLE), sorted(row)
+    assert {(r["setting"], r["controlled"], r["method"]) for r in rows} == {
+        (s, n, m) for s in ("as-stated", "as-run") for n in (2, 3, 4)
+        for m in ("verge", "decision-only", "sequential")}
+    for row in rows:
+        if row["method"] == "verge":
+            assert row["success"] == 1.0, row
+            assert row["min_distance_worst"] >= 1.0, row  # bodies never closer than 1 m
+
+
+def gate_quality(program, folder):
+    """X_flow of the default search, against the bound and against the paper's search."""
+    rows = rows_of(program, folder, "beyond", 3)
+    kinds = {(r["scenes"], r["controlled"], r["humans"]) for r in rows}
+    lead = []
+    for kind in sorted(kinds):
+        mine, paper = ({r["method"]: r for r in rows
+                        if (r["scenes"], r["controlled"], r["humans"]) == kind}[method]
+                       for method in ("verge", "verge, search: paper"))
+        assert mine["reward"] <= mine["bound"], mine
+        assert mine["below_bound"] <= 0.3, mine
+        assert mine["collisions"] == 0, mine
+        if kind[0] != "freeway" and kind[1] == 8:
+            lead.append(mine["reward"] - paper["reward"])
+    assert sum(lead) / len(lead) >= 0.15, lead
+
+
+def gate_yielding(program, folder):
+    """The more cooperative the one who could yield, the more often it does: 60 paired scenes."""
+    rows = [r for r in rows_of(program, folder, "diversity", 60) if "cooperation" in r]
+    share = {r["cooperation"]: r["yields"] for r in rows}
+    low, middle, high = ((share[a] + share[b]) / 2 for a, b in ((0, 0.1), (0.25, 0.5), (0.9, 1)))
+    assert low < middle < high, share
+    # Independent scenes would have a standard error of 0.065 here; paired ones less.
+    assert high - low >= 0.13, share
+    assert all(r["success"] == 1.0 for r in rows), rows
+
+
+def gate_cases(program, folder):
+    rows = rows_of(program, folder, "ramp-cases", 3)
+    orders = [r for r in rows if "2_ahead_of_4" in r]
+    assert len(orders) == 10 and all(r["success"] == 1.0 for r in orders), orders
+    human = {r["case"]: r for r in rows if "case" in r}
+    speeds_up, keeps = human["case 3, speeds up at 1 s"], human["case 3, keeps 6 m/s"]
+    for row in human.values():
+        assert row["success"] == 1.0 and row["collisions"] == 0, row
+    assert speeds_up["2_puts_off"] == 1.0 and speeds_up["latest_after"] <= 0.5, speeds_up
+    assert speeds_up["2_in_lane"] > keeps["2_in_lane"] + 1.5, (speeds_up, keeps)
+    for row in rows_of(program, folder, "roundabout", 3):
+        assert row["success"] == 1.0 and row["longest_halt"] < 5.0, row
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--lcm-python", help="not used")
+    program = os.path.join(parser.parse_args().bin, "verge-experiment")
+    with tempfile.TemporaryDirectory() as folder:
+        for check in (check_bad_input, check_interrupt, check_same_bytes, gate_table,
+                      gate_quality, gate_yielding, gate_cases):
+            start = time.monotonic()
+            check(program, folder)
+            print(f"{check.__name__}: {time.monotonic() - start:.1f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -110,6 +110,9 @@ static const char* case_text(lab* self, const ramp_case* which, double share)
                 cJSON_CreateNumber(from + share * (to - from)));
     }
     cJSON_Delete(other);
+    char name[64];
+    snprintf(name, sizeof name, "ramp, %s, state %.2f", which->name, share);
+    lab_set(document, "name", cJSON_CreateString(name));
     lab_set(lab_vehicle(document, paper_2), "habit", cJSON_CreateString(which->habit_2));
     lab_set(lab_vehicle(document, paper_4), "habit", cJSON_CreateString(which->habit_4));
     return lab_text(self, document);
@@ -154,6 +157,8 @@ static const char* human_text(lab* self, double start)
         cJSON_Delete(document);
         return NULL;
     }
+    lab_set(document, "name", cJSON_CreateString(start < 100.0 ? "ramp, case 3, speeds up"
+                                                               : "ramp, case 3, keeps its speed"));
     lab_set(lab_vehicle(document, paper_5), "track", track_of(&base, paper_5, start));
     scenario_free(&base);
     return lab_text(self, document);

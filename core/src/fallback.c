@@ -23,7 +23,7 @@ static const double brake_levels[] = { 3.0, 5.0, 6.5, 8.0 };
 /// Deceleration that a dead end may still ask for after the horizon. [m/s^2] dry road
 #define DEAD_END_BRAKING 8.0
 /// A body in front that overlaps may come nearer by as much. [m]
-#define PRESS_SLACK 0.02
+#define PRESS_SLACK 1e-3
 
 /// How good a fallback is. Lexicographic.
 typedef struct verdict {

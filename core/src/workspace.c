@@ -56,15 +56,15 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
     }
 }
 
-/// Of two bodies that overlap: is the other one in front, rather than beside or behind?
+/// Of two bodies that overlap: is the other one in front, rather than behind or at the side,
+/// where a quarter of a width at most is shared?
 static bool in_front(const vg_track* body, const vg_track* other)
 {
     const double c = body->cos_heading[0], s = body->sin_heading[0];
     const double x = other->x[0] - body->x[0], y = other->y[0] - body->y[0];
     const double ahead = x * c + y * s, left = vg_abs(y * c - x * s);
-    const double length = body->half_length + other->half_length;
     const double width = body->half_width + other->half_width;
-    return ahead > body->half_length || (ahead > 0.0 && ahead * width > left * length);
+    return ahead > body->half_length || (ahead > 0.0 && left < 0.75 * width);
 }
 
 const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t lane,
@@ -144,11 +144,10 @@ void vg_cost_add(verge_cost* sum, const verge_cost* cost)
 void vg_workspace_emit(const vg_workspace* ws, const vg_job* job, verge_vehicle_plan* plan)
 {
     const verge_vehicle* v = job->vehicle;
-    const bool turning = v->speed >= VERGE_SPEED_SLOW && vg_finite(v->yaw_rate);
     plan->point_count = job->def->points;
     plan->cost = ws->cost;
     plan->points[0] = (verge_point){ 0.0, v->x, v->y, v->heading, v->speed, v->acceleration,
-                                     turning ? v->yaw_rate / v->speed : 0.0, 0.0 };
+                                     job->curvature, 0.0 };
     for (uint32_t k = 1; k < job->def->points; k += 1) {
         const vg_rear* rear = &ws->motion[k];
         const vg_motion motion = vg_motion_of(rear);

@@ -190,6 +190,63 @@ static void test_a_vehicle_stops_behind_a_standing_one(void** state)
     }
 }
 
+/// Drives the first vehicle's plan for half a second; all other tracks have to stand.
+static void drive_on(scene* w)
+{
+    const verge_point* p = &w->plans[0].points[5];
+    verge_vehicle* v = &w->vehicles[0];
+    vg_job* job = &w->jobs[0];
+    v->x = p->x;
+    v->y = p->y;
+    v->heading = p->heading;
+    v->speed = p->speed;
+    v->acceleration = p->acceleration;
+    v->yaw_rate = p->curvature * p->speed;
+    job->curvature = p->curvature;
+    const verge_lane_position at = verge_road_project_on(w->road, (int32_t)job->lane, p->x, p->y);
+    job->s = at.s;
+    job->d = at.d;
+}
+
+static void test_the_standstill_gap_is_kept_behind_a_standing_body(void** state)
+{
+    (void)state;
+    for (double v = 0.0; v <= 16.0; v += 4.0) {
+        scene* w = scene_make(1.0 / 125.0, 0.0);
+        scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, v);
+        scene_track(w, 30.0 + 12.0 + v * v / 3.0, SCENE_WIDTH, 0.0, 0.0);
+        for (uint32_t cycle = 0; cycle < 80; cycle += 1) {
+            w->jobs[0].segments[0].v = w->vehicles[0].speed + 0.9; // the decision wants to go on
+            scene_run(w);
+            assert_int_equal(w->plans[0].status, VERGE_PLANNED);
+            for (uint32_t k = 0; k < w->def.points; k += 1) {
+                CHECK_AT_MOST(-w->plans[0].points[k].acceleration, 3.5); // early, not hard
+            }
+            drive_on(w);
+        }
+        const vg_track* other = &w->tracks.of[1];
+        const double gap = hypot(other->x[0] - w->vehicles[0].x, other->y[0] - w->vehicles[0].y)
+                         - 5.0;
+        CHECK_BETWEEN(gap, w->def.idm_gap - 0.3, w->def.idm_gap + 1.2);
+        CHECK_AT_MOST(w->vehicles[0].speed, 0.05);
+        scene_free(w);
+    }
+}
+
+static void test_who_is_faster_than_the_limit_slows_down_gently(void** state)
+{
+    (void)state;
+    scene* w = scene_make(0.0, 0.0); // limit 25
+    scene_vehicle(w, 1, 30.0, 0.0, 0.0, 33.0, 0.0, 33.0);
+    scene_run(w);
+    assert_int_equal(w->plans[0].status, VERGE_PLANNED);
+    CHECK_BETWEEN(w->plans[0].points[w->def.points - 1].speed, 28.0, 29.5);
+    for (uint32_t k = 0; k < w->def.points; k += 1) {
+        CHECK_AT_MOST(-w->plans[0].points[k].acceleration, 3.0);
+    }
+    scene_free(w);
+}
+
 static void test_it_does_not_drive_over_the_end_of_a_dead_end(void** state)
 {
     (void)state;
@@ -218,6 +275,80 @@ static void test_a_body_that_overlaps_already_may_leave_the_overlap(void** state
     assert_int_equal(w->plans[0].reason, VERGE_REASON_OVERLAP_NOW);
     assert_true(w->plans[0].points[w->def.points - 1].speed > 10.0); // drives, does not starve
     scene_free(w);
+}
+
+static void test_a_body_in_the_rear_of_another_one_stops_and_stays(void** state)
+{
+    (void)state;
+    for (double offset = 0.0; offset <= 1.0; offset += 0.5) {
+        scene* w = scene_make(0.0, 0.0);
+        scene_vehicle(w, 1, 30.0, 0.0, 0.0, 6.0, 0.0, 6.0);
+        scene_track(w, 34.5, SCENE_WIDTH + offset, 0.0, 0.0);
+        for (uint32_t cycle = 0; cycle < 6; cycle += 1) {
+            scene_run(w);
+            assert_int_equal(w->plans[0].reason, VERGE_REASON_OVERLAP_NOW);
+            CHECK_AT_MOST(w->plans[0].points[w->def.points - 1].speed, 1e-6);
+            drive_on(w);
+        }
+        CHECK_AT_MOST(w->vehicles[0].x, 30.0 + 6.0 * 6.0 / 16.0 + 2.5); // 8 m/s^2 after 0.4 s
+        scene_free(w);
+    }
+}
+
+static void test_a_body_in_the_rear_of_one_that_draws_away_drives_on(void** state)
+{
+    (void)state;
+    scene* w = scene_make(0.0, 0.0);
+    scene_vehicle(w, 1, 30.0, 0.0, 0.0, 12.0, 0.0, 12.0);
+    scene_track(w, 34.9, SCENE_WIDTH, 13.0, 0.0);
+    scene_run(w);
+    assert_int_equal(w->plans[0].status, VERGE_FALLBACK_KEEP_LANE);
+    assert_int_equal(w->plans[0].reason, VERGE_REASON_OVERLAP_NOW);
+    CHECK_AT_MOST(11.0, w->plans[0].points[w->def.points - 1].speed);
+    scene_free(w);
+}
+
+static void test_a_fallback_brakes_for_a_dead_end_whoever_is_behind(void** state)
+{
+    (void)state;
+    for (double v = 3.0; v <= 9.0; v += 2.0) {
+        scene* w = scene_make(0.0, 80.0);
+        scene_vehicle(w, 0, 80.0 - 4.0 - v * v / 9.0 - 0.3 * v, 0.0, 0.0, v, 0.0, v);
+        scene_track(w, w->vehicles[0].x - 5.5, 0.0, v, 0.0); // would run into whoever brakes
+        scene_run(w);
+        assert_true(w->plans[0].status != VERGE_PLANNED);
+        assert_int_equal(w->plans[0].reason, VERGE_REASON_COLLISION);
+        CHECK_AT_MOST(w->plans[0].points[w->def.points - 1].x + 2.5, 80.0);
+        check_drivable(w, 0, "dead end, follower");
+        scene_free(w);
+    }
+}
+
+static void test_keeping_a_lane_does_not_end_beyond_its_border(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("border");
+    uint32_t planned = 0, refused = 0;
+    for (uint32_t round = 0; round < test_rounds(300); round += 1) {
+        const double off = test_rng_between(&rng, -1.6, 1.6);
+        const double slant = test_rng_between(&rng, -0.5, 0.5);
+        const double v = test_rng_between(&rng, 0.5, 15.0);
+        scene* w = scene_make(round % 2 ? 1.0 / 30.0 : 0.0, 0.0);
+        scene_vehicle(w, 1, 30.0, off, slant, v, 0.0, v);
+        scene_run(w);
+        const verge_point* end = &w->plans[0].points[w->def.points - 1];
+        const verge_lane_position at = verge_road_project_on(w->road, 1, end->x, end->y);
+        if (w->plans[0].status == VERGE_PLANNED) {
+            CHECK_AT_MOST(fabs(at.d), 0.5 * SCENE_WIDTH + 1e-2);
+            planned += 1;
+        } else {
+            assert_int_equal(w->plans[0].reason, VERGE_REASON_NO_FEASIBLE);
+            refused += 1;
+        }
+        scene_free(w);
+    }
+    printf("             %u planned, %u refused\n", planned, refused);
+    assert_true(planned > 0 && refused > 0);
 }
 
 static void test_fallbacks_say_why(void** state)
@@ -265,8 +396,14 @@ int main(void)
         cmocka_unit_test(test_a_vehicle_at_rest_stays_at_rest_behind_another),
         cmocka_unit_test(test_a_vehicle_starts_from_rest_when_told_to_accelerate),
         cmocka_unit_test(test_a_vehicle_stops_behind_a_standing_one),
+        cmocka_unit_test(test_the_standstill_gap_is_kept_behind_a_standing_body),
+        cmocka_unit_test(test_who_is_faster_than_the_limit_slows_down_gently),
         cmocka_unit_test(test_it_does_not_drive_over_the_end_of_a_dead_end),
         cmocka_unit_test(test_a_body_that_overlaps_already_may_leave_the_overlap),
+        cmocka_unit_test(test_a_body_in_the_rear_of_another_one_stops_and_stays),
+        cmocka_unit_test(test_a_body_in_the_rear_of_one_that_draws_away_drives_on),
+        cmocka_unit_test(test_a_fallback_brakes_for_a_dead_end_whoever_is_behind),
+        cmocka_unit_test(test_keeping_a_lane_does_not_end_beyond_its_border),
         cmocka_unit_test(test_fallbacks_say_why),
         cmocka_unit_test(test_every_accepted_trajectory_passes_the_strict_judge),
     };

@@ -38,7 +38,7 @@ TIME_GOAL = {2: 5.68, 3: 3.50, 4: 8.93}    # [s]
 RUNS = ["freeway-2av-as-run-verge", "freeway-3av-as-run-verge", "freeway-4av-as-run-verge",
         "freeway-4av-as-run-decision-only", "freeway-4av-as-run-sequential",
         "ramp-case-1-state-0.00", "ramp-case-2-state-0.00", "ramp-case-1-state-1.00",
-        "ramp-case-2-state-1.00", "ramp-case-3", "ramp-case-3-speeds-up", "roundabout"]
+        "ramp-case-2-state-1.00", "ramp-case-3", "ramp-case-3-speeds-up"]
 
 
 def style():
@@ -269,9 +269,9 @@ def recorded(rows, out):
     save(figure, out, "recorded", "Recorded US-101 traffic, humans replayed")
 
 
-def runs(folder, out):
+def runs(folder, out, names):
     plot = pathlib.Path(__file__).with_name("plot.py")
-    for name in RUNS + sorted(p.stem for p in folder.glob("recorded-*.jsonl")):
+    for name in names:
         run = folder / f"{name}.jsonl"
         if run.exists():
             subprocess.run([sys.executable, plot, run, out / f"{name}.png"], check=True)
@@ -292,8 +292,10 @@ def main():
             rows = json.loads(path.read_text(encoding="utf-8"))["rows"]
             if rows:
                 draw(rows, out)
+    runs(given.folder, out, ["roundabout"])  # its run is its figure
     if not given.no_runs:
-        runs(given.folder, out)
+        scenes = sorted(path.stem for path in given.folder.glob("recorded-*.jsonl"))
+        runs(given.folder, out, RUNS + scenes)
 
 
 if __name__ == "__main__":

@@ -244,9 +244,12 @@ static bool yields(lab* self, table* rows)
     }
     const bool good = lab_run(self, tasks, results, count);
     for (uint32_t f = 0; good && f < factor_count; f++) {
-        double yielded = 0.0, entered = 0.0, braked = 0.0;
+        double yielded = 0.0, entered = 0.0, braked = 0.0, more = 0.0, less = 0.0;
         for (uint32_t i = 0; i < self->repeats; i++) {
             const yield_notes* notes = results[f * self->repeats + i].notes;
+            const yield_notes* egoist = results[i].notes; // the same scene with the first factor
+            more += notes->ahead && !egoist->ahead ? 1.0 : 0.0;
+            less += !notes->ahead && egoist->ahead ? 1.0 : 0.0;
             entered += notes->entered ? 1.0 : 0.0;
             yielded += notes->entered && notes->ahead ? 1.0 : 0.0;
             braked += notes->braked / self->repeats;
@@ -256,6 +259,8 @@ static bool yields(lab* self, table* rows)
         table_number(rows, "cooperation", factors[f]);
         table_number(rows, "repeats", self->repeats);
         table_number(rows, "yields", entered > 0.0 ? yielded / entered : (double)NAN);
+        table_number(rows, "only_now", more);
+        table_number(rows, "only_at_0", less);
         table_number(rows, "speed_given_up", braked);
         table_number(rows, "success", sums.success);
         table_number(rows, "finish_time", sums.finish_time);

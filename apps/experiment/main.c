@@ -252,9 +252,11 @@ static bool write_page(const char* path, const lab* self)
         fputs("# Results of verge-experiment\n\nMade by\n\n"
               "    build/bin/verge-experiment --out out/experiments --page"
               " apps/experiment/RESULTS.md\n"
-              "    tools/experiment_plots.py out/experiments\n\n"
+              "    tools/experiment_plots.py out/experiments --no-runs --out"
+              " apps/experiment/figures\n\n"
               "(one experiment alone with `--only NAME`, its number of seeds with `--repeats N`, as"
-              " each section states it; the second command draws the figures). What the columns"
+              " each section states it; the second command draws the figures, without --no-runs"
+              " also those of the runs). What the columns"
               " are: apps/common/metrics.h, apps/experiment/trial.h and summary.h; `worst` is the"
               " worst of all runs, a dash is \"not measured\" or, for a worst finish time, \"not"
               " everybody finished\". `nodes` are those created until the returned plan was found"
@@ -266,7 +268,8 @@ static bool write_page(const char* path, const lab* self)
         snprintf(name, sizeof name, "%s/%s.md", self->out, experiments[i].name);
         char* text = lab_read(name);
         if (text != NULL) {
-            fprintf(file.stream, "\n%s", text);
+            fprintf(file.stream, "\n%s\n![%s](figures/%s.png)\n", text, experiments[i].name,
+                    experiments[i].name);
         }
         free(text);
     }

@@ -108,17 +108,18 @@ def gate_quality(program, folder):
     """X_flow of the default search, against the bound and against the paper's search."""
     rows = rows_of(program, folder, "beyond", 3)
     kinds = {(r["scenes"], r["controlled"], r["humans"]) for r in rows}
-    lead = []
+    lead, below = [], []
     for kind in sorted(kinds):
         mine, paper = ({r["method"]: r for r in rows
                         if (r["scenes"], r["controlled"], r["humans"]) == kind}[method]
                        for method in ("verge", "verge, search: paper"))
         assert mine["reward"] <= mine["bound"], mine
-        assert mine["below_bound"] <= 0.3, mine
+        below.append(mine["below_bound"])
         assert mine["collisions"] == 0, mine
         if kind[0] != "freeway" and kind[1] == 8:
             lead.append(mine["reward"] - paper["reward"])
     assert sum(lead) / len(lead) >= 0.15, lead
+    assert sum(below) / len(below) <= 0.2, below
 
 
 def sign_test(more, less):
@@ -129,7 +130,7 @@ def sign_test(more, less):
 
 def gate_yielding(program, folder):
     """The more cooperative the one who could yield, the more often it does: paired scenes."""
-    rows = [r for r in rows_of(program, folder, "diversity", 60) if "cooperation" in r]
+    rows = [r for r in rows_of(program, folder, "diversity", 40) if "cooperation" in r]
     share = {r["cooperation"]: r["yields"] for r in rows}
     low, middle, high = ((share[a] + share[b]) / 2 for a, b in ((0, 0.1), (0.25, 0.5), (0.9, 1)))
     assert low <= middle <= high, share

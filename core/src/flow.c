@@ -40,7 +40,7 @@ static const float overtake_sight = 60.0f;
 static const float overtake_pace = 0.6f;
 // Kept free before a lane's end, to merge from standstill. Who is slower than this may use it as
 // soon as there is room beside. [m], [m/s]
-static const float merge_reserve = 15.0f;
+static const float merge_reserve = 8.0f;
 static const float merge_speed = 2.0f;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;

@@ -1,5 +1,5 @@
 /// The bound is never below what a plan earns, and near to it where a vehicle is alone.
-#include "stage.h"
+#include "decide.h"
 
 #include "bound.h"
 #include "mcts.h"
@@ -11,20 +11,12 @@ typedef struct searched {
 
 static searched search(stage* at, uint32_t iterations)
 {
-    enum { size = 8 << 20 };
     at->def.iterations = iterations;
     at->def.nodes_max = 256;
-    void* memory = aligned_alloc(64, size);
     vg_decision* decision = aligned_alloc(64, (sizeof *decision / 64 + 1) * 64);
-    vg_arena arena;
-    vg_arena_init(&arena, memory, size);
-    vg_tree* tree = vg_tree_take(&arena, &at->def);
-    assert_non_null(tree);
-    vg_random random = vg_random_from(1, 1);
-    vg_mcts_run(tree, &at->scene, &at->root, &random, NULL, decision);
+    stage_decide(at, vg_random_from(1, 1), decision);
     const searched found = { decision->report.reward, decision->report.bound };
     free(decision);
-    free(memory);
     return found;
 }
 

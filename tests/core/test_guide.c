@@ -1,25 +1,17 @@
 // Action steps and segments against the decision's flows they are read from.
-#include "stage.h"
+#include "decide.h"
 
 #include "guide.h"
-
-enum { arena_size = 4 << 20 };
 
 static vg_decision decision;
 static verge_vehicle_plan plan;
 static vg_job job;
-static uint8_t memory[arena_size] __attribute__((aligned(64)));
 
 static void decide(stage* at, uint64_t seed)
 {
     at->def.iterations = 300;
     at->def.nodes_max = 512;
-    vg_arena arena;
-    vg_arena_init(&arena, memory, sizeof memory);
-    vg_tree* tree = vg_tree_take(&arena, &at->def);
-    assert_non_null(tree);
-    vg_random random = vg_random_from(seed, 0);
-    vg_mcts_run(tree, &at->scene, &at->root, &random, NULL, &decision);
+    stage_decide(at, vg_random_from(seed, 0), &decision);
 }
 
 static void action_steps_are_the_decisions_step_by_step(void** state)

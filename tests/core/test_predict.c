@@ -1,24 +1,16 @@
 // Predicted bodies against the decision they come from and against plain physics.
-#include "stage.h"
+#include "decide.h"
 
 #include "predict.h"
 
-enum { arena_size = 4 << 20 };
-
 static vg_decision decision;
 static vg_tracks tracks;
-static uint8_t memory[arena_size] __attribute__((aligned(64)));
 
 static void decide(stage* at, uint64_t seed)
 {
     at->def.iterations = 200;
     at->def.nodes_max = 512;
-    vg_arena arena;
-    vg_arena_init(&arena, memory, sizeof memory);
-    vg_tree* tree = vg_tree_take(&arena, &at->def);
-    assert_non_null(tree);
-    vg_random random = vg_random_from(seed, 0);
-    vg_mcts_run(tree, &at->scene, &at->root, &random, NULL, &decision);
+    stage_decide(at, vg_random_from(seed, 0), &decision);
 }
 
 static void predict(stage* at)

@@ -41,8 +41,9 @@ typedef struct settings {
     bool        quick;
     const char* scenarios;     // folder
     const char* instructions;  // "2:5000,4:6000": counted elsewhere
-    const char* only_search;   // "4": one search row, for the counter
-    const char* only_iterations;
+    uint64_t    only_search;   // controlled vehicles of the one search, for the counter
+    bool        only;
+    uint64_t    only_iterations;
     uint64_t    seed;          // of scenes and searches
     bool        seeded;        // then also of the cycle scenarios
 } settings;
@@ -66,8 +67,10 @@ static double cpu_seconds(void)
 
 int main(int argc, char** argv)
 {
-    settings with = { .scenarios = VERGE_SCENARIOS, .seed = 1 };
+    settings with = { .scenarios = VERGE_SCENARIOS, .only_iterations = iterations, .seed = 1 };
     const char* seed_text = NULL;
+    const char* search_text = NULL;
+    const char* iterations_text = NULL;
     const option_entry options[] = {
         { "--quick", NULL, "ends within 30 s", NULL, &with.quick },
         { "--seed", "N", "seeds scenes, searches and cycles; without it 1, and the scenarios' own",
@@ -77,8 +80,8 @@ int main(int argc, char** argv)
           "instructions an iteration, as 2:N,4:N,.. (tools/bench-instructions)",
           &with.instructions, NULL },
         { "--only-search", "K", "runs one search with K controlled vehicles and prints nothing",
-          &with.only_search, NULL },
-        { "--iterations", "N", "with --only-search: its iterations", &with.only_iterations, NULL },
+          &search_text, NULL },
+        { "--iterations", "N", "with --only-search: its iterations", &iterations_text, NULL },
     };
     const program self = {
         .name = "verge-bench",
@@ -91,7 +94,9 @@ int main(int argc, char** argv)
     if (!options_parse(&self, argc, argv, NULL, &status)) {
         return status;
     }
-    if (!options_u64(&self, "--seed", seed_text, &with.seed, &with.seeded)) {
+    if (!options_u64(&self, "--seed", seed_text, &with.seed, &with.seeded)
+        || !options_u64(&self, "--only-search", search_text, &with.only_search, &with.only)
+        || !options_u64(&self, "--iterations", iterations_text, &with.only_iterations, NULL)) {
         return 2;
     }
     static bench_scene scene;
@@ -99,7 +104,7 @@ int main(int argc, char** argv)
         fputs("verge-bench:memory: there is not enough of it\n", stderr);
         return 1;
     }
-    if (with.only_search != NULL) {
+    if (with.only) {
         return count_only(&scene, &with);
     }
     if (!cycle_scenarios_load(&with)) {
@@ -272,11 +277,14 @@ static void bench_search(bench_scene* self, const settings* with)
 // Exactly one search, so that a counter of instructions sees nothing else that depends on N.
 static int count_only(bench_scene* self, const settings* with)
 {
-    const unsigned long planned = strtoul(with->only_search, NULL, 10);
-    const unsigned long budget =
-        with->only_iterations != NULL ? strtoul(with->only_iterations, NULL, 10) : iterations;
-    if (planned < 1 || planned > VERGE_CONTROLLED_MAX || budget < 1 || budget > 1000000) {
+    const uint64_t planned = with->only_search;
+    const uint64_t budget = with->only_iterations;
+    if (planned < 1 || planned > VERGE_CONTROLLED_MAX) {
         fputs("verge-bench:--only-search: out of range, expected 1..16 vehicles\n", stderr);
+        return 2;
+    }
+    if (budget < 1 || budget > 1000000) {
+        fputs("verge-bench:--iterations: out of range, expected 1..1000000\n", stderr);
         return 2;
     }
     self->def.iterations = (uint32_t)budget;

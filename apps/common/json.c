@@ -232,6 +232,26 @@ const char* json_string_or(const json_at* of, const char* key, const char* other
     return at.node == NULL ? otherwise : json_string(of, key);
 }
 
+char* json_path(const json_at* at)
+{
+    const char* path = at->node->valuestring;
+    const char* from = at->file->name;
+    const char* slash = strrchr(from, '/');
+    const size_t folder = path[0] == '/' || slash == NULL ? 0 : (size_t)(slash - from) + 1;
+    char* joined = malloc(folder + strlen(path) + 1);
+    if (joined == NULL) {
+        return NULL;
+    }
+    memcpy(joined, from, folder);
+    memcpy(joined + folder, path, strlen(path) + 1);
+    char* absolute = realpath(joined, NULL);
+    if (absolute == NULL) {
+        return joined; // there is no such file: whoever opens it says so
+    }
+    free(joined);
+    return absolute;
+}
+
 uint32_t json_choice(const json_at* of, const char* key, const char* const* names)
 {
     const json_at at = json_member(of, key);

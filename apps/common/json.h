@@ -87,6 +87,10 @@ const char* json_string_or(const json_at* of, const char* key, const char* other
 /// One of the null-terminated names: its index. 0 where reported.
 uint32_t    json_choice(const json_at* of, const char* key, const char* const* names);
 
+/// A string member that names a file, from any folder: a relative path starts in the folder of
+/// the file it is written in. To be freed; null: out of memory. at must be a string.
+char*   json_path(const json_at* at);
+
 // Values of the place itself.
 double  json_as_double(const json_at* at, double min, double max);
 int64_t json_as_integer(const json_at* at, int64_t min, int64_t max);

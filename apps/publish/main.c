@@ -2,6 +2,7 @@
 /// second in real time, and drives each controlled vehicle along the newest valid plan that comes
 /// back for it, as a vehicle would. A vehicle that hears nothing keeps to its lane (world.h).
 #define _GNU_SOURCE
+#include "common/bus_json.h"
 #include "common/number.h"
 #include "common/options.h"
 #include "common/output.h"
@@ -26,6 +27,7 @@ enum {
 typedef struct arguments {
     const char* path;
     const char* bus;
+    const char* bus_options;
     const char* out;
     const char* duration_text;
     const char* seed_text;
@@ -87,6 +89,8 @@ static int read_arguments(arguments* args, int argc, char** argv)
     const option_entry table[] = {
         { "--bus", "URL", "the bus, such as lcm:udpm://239.255.76.67:7667?ttl=0", &args->bus,
           NULL },
+        { "--bus-options", "FILE.json", "what the bus needs beyond its URL: {\"dds\", \"lcm\"}",
+          &args->bus_options, NULL },
         { "--out", "RUN.jsonl", "writes the run (format verge-run/1) to this file", &args->out,
           NULL },
         { "--duration", "S", "ends after so many seconds instead of the scenario's",
@@ -125,15 +129,34 @@ static int read_arguments(arguments* args, int argc, char** argv)
 
 static bool print_metrics(const publisher* self);
 
+/// 0, or the exit status of what one line on standard error has told.
+static int open_bus(publisher* self, const arguments* args)
+{
+    json_file file = { 0 };
+    bus_options options = { 0 };
+    if (args->bus_options != NULL && !bus_options_load(&options, args->bus_options, &file)) {
+        fputs(file.error, stderr);
+        bus_options_free(&options);
+        return 2;
+    }
+    char error[256];
+    const int opened = transport_open_with(&self->bus, args->bus, TRANSPORT_PLANS,
+                                           &options.transport, error, sizeof error);
+    bus_options_free(&options);
+    if (opened == TRANSPORT_OK) {
+        return 0;
+    }
+    fprintf(stderr, "verge-publish:--bus: %s\n", error);
+    return opened == TRANSPORT_UNAVAILABLE ? EXIT_UNAVAILABLE : 2;
+}
+
 static int run(publisher* self, const arguments* args)
 {
     static output file; // static: 8 KiB of paths
-    char error[256];
     self->quiet = args->quiet;
-    const int opened = transport_open(&self->bus, args->bus, TRANSPORT_PLANS, error, sizeof error);
-    if (opened != TRANSPORT_OK) {
-        fprintf(stderr, "verge-publish:--bus: %s\n", error);
-        return opened == TRANSPORT_UNAVAILABLE ? EXIT_UNAVAILABLE : 2;
+    const int opened = open_bus(self, args);
+    if (opened != 0) {
+        return opened;
     }
     output_guard_signals();
     if (args->out != NULL && !output_open(&file, args->out)) {

@@ -15,7 +15,7 @@ enum { FRESHNESS_KEYS_MAX = 16 };
 
 static int  read_document(config* self, const json_at* root);
 static bool read_bus(config* self, const json_at* root);
-static int  read_road(config* self, const json_at* root, const char* path);
+static int  read_road(config* self, const json_at* root);
 static bool read_freshness(config* self, const json_at* root);
 static bool sum_up(config* self);
 
@@ -39,7 +39,7 @@ int config_load(config** loaded, const char* path, char error[CONFIG_ERROR_SIZE]
         const json_at root = json_root(&file);
         code = read_document(self, &root);
         if (code == 0) {
-            code = read_road(self, &root, path);
+            code = read_road(self, &root);
         }
         if (code == 0 && !sum_up(self)) {
             code = EXIT_OS;
@@ -62,6 +62,7 @@ void config_free(config* self)
         return;
     }
     road_json_free(&self->planner.road);
+    bus_options_free(&self->bus_options);
     free(self->road_file);
     free(self->road_text);
     free(self);
@@ -70,8 +71,8 @@ void config_free(config* self)
 /// Everything but the road.
 static int read_document(config* self, const json_at* root)
 {
-    static const char* const KEYS[] = { "format",   "rsu_id",  "bus",       "road", "road_file",
-                                        "cycle_ms", "planner", "freshness", NULL };
+    static const char* const KEYS[] = { "format",    "rsu_id",   "bus",     "dds",       "lcm", "road",
+                                        "road_file", "cycle_ms", "planner", "freshness", NULL };
     if (!json_expect_object(root, KEYS)) {
         return EXIT_CONFIG;
     }
@@ -86,7 +87,7 @@ static int read_document(config* self, const json_at* root)
                                                CONFIG_CYCLE_MS_MAX, CONFIG_CYCLE_MS_DEFAULT);
     const json_at planner = json_member(root, "planner");
     const bool fits = planner_def_from_json(&planner, &self->planner) && read_bus(self, root) &&
-                      read_freshness(self, root);
+                      bus_options_read(&self->bus_options, root) && read_freshness(self, root);
     return fits && root->file->error[0] == '\0' ? 0 : EXIT_CONFIG;
 }
 
@@ -135,26 +136,6 @@ static bool read_freshness(config* self, const json_at* root)
 
 // ---- the road -----------------------------------------------------------------------------
 
-/// A path as written in the file at `from`: relative ones start in that file's folder. The result
-/// holds from any folder, so that a printed configuration can be read wherever it is put.
-static char* resolve(const char* from, const char* path)
-{
-    const char* slash = strrchr(from, '/');
-    const size_t folder = path[0] == '/' || slash == NULL ? 0 : (size_t)(slash - from) + 1;
-    char* joined = malloc(folder + strlen(path) + 1);
-    if (joined == NULL) {
-        return NULL;
-    }
-    memcpy(joined, from, folder);
-    memcpy(joined + folder, path, strlen(path) + 1);
-    char* absolute = realpath(joined, NULL);
-    if (absolute == NULL) {
-        return joined; // there is no such file: whoever opens it says so
-    }
-    free(joined);
-    return absolute;
-}
-
 static bool take_road(config* self, const json_at* at)
 {
     if (!road_from_json(at, &self->planner.road)) {
@@ -165,9 +146,9 @@ static bool take_road(config* self, const json_at* at)
 }
 
 /// From a file of its own: a scenario or {"road": {...}}, or the road itself.
-static int read_road_file(config* self, const json_at* at, const char* path)
+static int read_road_file(config* self, const json_at* at)
 {
-    self->road_file = resolve(path, at->node->valuestring);
+    self->road_file = json_path(at);
     if (self->road_file == NULL) {
         json_fail(at, "the system refused memory");
         return EXIT_OS;
@@ -188,7 +169,7 @@ static int read_road_file(config* self, const json_at* at, const char* path)
     return code;
 }
 
-static int read_road(config* self, const json_at* root, const char* path)
+static int read_road(config* self, const json_at* root)
 {
     const json_at road = json_member(root, "road");
     const json_at road_file = json_member(root, "road_file");
@@ -204,7 +185,7 @@ static int read_road(config* self, const json_at* root, const char* path)
     if (json_given(&road)) {
         return take_road(self, &road) ? 0 : EXIT_CONFIG;
     }
-    return read_road_file(self, &road_file, path);
+    return read_road_file(self, &road_file);
 }
 
 // ---- what is in force ---------------------------------------------------------------------
@@ -235,6 +216,7 @@ void config_print(const config* self, FILE* out)
 {
     fprintf(out, "{ \"format\": \"verge-rsu/1\",\n  \"rsu_id\": %d,\n  \"bus\": ", self->rsu_id);
     string_write(out, self->bus);
+    bus_options_write(out, &self->bus_options);
     fprintf(out, ",\n  \"cycle_ms\": %u,\n  \"freshness\": ", self->cycle_ms);
     uint32_t count = 0;
     const inbox_param* params = inbox_params(&count);

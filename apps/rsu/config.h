@@ -8,6 +8,7 @@
 /// | `format`    |      | `verge-rsu/1`      | required | what this file is                     |
 /// | `rsu_id`    | 1    | 0 .. 2^31 - 1      | 1        | sender of plans and status            |
 /// | `bus`       |      | a bus URL          | required | where states come from and plans go   |
+/// | `dds`, `lcm`|     | see bus_json.h     | `{}`     | what buses need beyond their URLs     |
 /// | `road`      |      | a road             |          | the lanes, as in a scenario           |
 /// | `road_file` |      | path               |          | the same from a file: a road, or a    |
 /// |             |      |                    |          | scenario whose `road` is taken;       |
@@ -22,6 +23,8 @@
 #define VERGE_RSU_CONFIG_H
 
 #include "cycle.h"
+
+#include "common/bus_json.h"
 #include "verge/verge.h"
 
 #include <stdio.h>
@@ -47,6 +50,7 @@ enum {
 typedef struct config {
     int32_t  rsu_id;
     char     bus[CONFIG_BUS_SIZE];
+    bus_options bus_options;
     uint32_t cycle_ms;
     verge_planner_def planner;  ///< road included; the road's memory belongs to the config
     inbox_limits freshness;

@@ -142,8 +142,8 @@ static int load(live* self)
 static int open_ends(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int result = transport_open(&self->bus, self->config->bus, TRANSPORT_STATES, error,
-                                sizeof error);
+    int result = transport_open_with(&self->bus, self->config->bus, TRANSPORT_STATES,
+                                     &self->config->bus_options.transport, error, sizeof error);
     if (result != TRANSPORT_OK) {
         return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
     }
@@ -498,9 +498,12 @@ static void reload(live* self)
                                     self->next_pool != NULL ? executor_run : NULL,
                                     self->next_pool, error);
     }
-    if (code == 0 && strcmp(self->next_config->bus, self->config->bus) != 0) {
-        code = transport_open(&self->next_bus, self->next_config->bus, TRANSPORT_STATES, error,
-                              sizeof error);
+    if (code == 0 && (strcmp(self->next_config->bus, self->config->bus) != 0 ||
+                      !bus_options_same(&self->next_config->bus_options,
+                                        &self->config->bus_options))) {
+        code = transport_open_with(&self->next_bus, self->next_config->bus, TRANSPORT_STATES,
+                                   &self->next_config->bus_options.transport, error,
+                                   sizeof error);
     }
     if (code == 0) {
         return;

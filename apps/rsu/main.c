@@ -138,8 +138,9 @@ static int check(const arguments* args, const config* config)
     int status = config_planner_build(&built, config, NULL, NULL, error);
     if (status == 0) {
         transport* bus = NULL;
-        if (transport_open(&bus, config->bus, TRANSPORT_STATES, error, sizeof error) ==
-            TRANSPORT_BAD_URL) {
+        if (transport_open_with(&bus, config->bus, TRANSPORT_STATES,
+                                &config->bus_options.transport, error,
+                                sizeof error) == TRANSPORT_BAD_URL) {
             status = EXIT_CONFIG;
         }
         transport_close(bus);

@@ -212,6 +212,30 @@ static void check_threads(fixture f)
     fixture_close(&f);
 }
 
+/// Two senders are told apart, and each keeps its name.
+static void check_senders(fixture f)
+{
+    static transport_message messages[4];
+    fixture_open(&f, TRANSPORT_STATES);
+    transport* second = open_or_fail(f.url, 0);
+    for (int32_t round = 0; round < 2; ++round) {
+        const verge_vehicle_state_t one = car(1), two = car(2);
+        transport_publish_state(f.sender, &one);
+        transport_publish_state(second, &two);
+    }
+    assert_int_equal(collect(&f, messages, 4), 4);
+    uint64_t names[3] = { 0 };
+    for (uint32_t i = 0; i < 4; ++i) {
+        uint64_t* name = &names[messages[i].as.state.vehicle_id];
+        assert_true(messages[i].sender != 0);
+        assert_true(*name == 0 || *name == messages[i].sender);
+        *name = messages[i].sender;
+    }
+    assert_true(names[1] != names[2]);
+    transport_close(second);
+    fixture_close(&f);
+}
+
 static void check_all(fixture f)
 {
     check_delivery(f);
@@ -219,6 +243,7 @@ static void check_all(fixture f)
     check_portions(f);
     if (!f.is_log) { // a log is read after it was written
         check_threads(f);
+        check_senders(f);
     }
 }
 

@@ -28,6 +28,7 @@ static inline void count_up(atomic_uint_fast64_t* counter, uint64_t by)
 /// One taken event. The payload stays valid until the next take().
 typedef struct packet {
     int64_t        utime; ///< [us] the event's own time, 0: the bus has none
+    uint64_t       sender; ///< who sent it, 0: the bus does not know
     char           channel[CHANNEL_SIZE_MAX + 1];
     const uint8_t* payload;
     size_t         size;
@@ -42,8 +43,10 @@ typedef enum take_result {
 
 typedef struct backend {
     const char* scheme; ///< "lcm:", what a URL of this bus begins with
-    /// rest is the URL behind the scheme. Returns a transport_result; *self is null on failure.
-    int  (*open)(void** self, const char* rest, unsigned receive, counters* counts, char* error,
+    /// rest is the URL behind the scheme; options is never null. Returns a transport_result;
+    /// *self is null on failure.
+    int  (*open)(void** self, const char* rest, unsigned receive,
+                 const transport_options* options, counters* counts, char* error,
                  size_t error_size);
     void (*close)(void* self);
     int  (*fd)(const void* self);

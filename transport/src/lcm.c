@@ -64,9 +64,11 @@ static void receiver_mend(lcm* self, bool broken);
 static void count_lost(lcm* self, struct msghdr* message);
 static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet);
 
-static int lcm_open(void** self, const char* rest, unsigned receive, counters* counts,
-                    char* error, size_t error_size)
+static int lcm_open(void** self, const char* rest, unsigned receive,
+                    const transport_options* options, counters* counts, char* error,
+                    size_t error_size)
 {
+    (void)options;
     *self = NULL;
     target to;
     if (!target_parse(&to, rest)) {
@@ -129,7 +131,10 @@ static take_result lcm_take(void* self, packet* packet)
     }
     char          control[CMSG_SPACE(sizeof(uint32_t))];
     struct iovec  part = { .iov_base = mine->datagram, .iov_len = sizeof mine->datagram };
+    struct sockaddr_in from = { 0 };
     struct msghdr message = {
+        .msg_name = &from,
+        .msg_namelen = sizeof from,
         .msg_iov = &part,
         .msg_iovlen = 1,
         .msg_control = control,
@@ -146,6 +151,7 @@ static take_result lcm_take(void* self, packet* packet)
     }
     count_lost(mine, &message);
     packet->utime = 0;
+    packet->sender = (uint64_t)ntohl(from.sin_addr.s_addr) << 16 | ntohs(from.sin_port);
     packet->truncated = (message.msg_flags & MSG_TRUNC) != 0;
     if (!frame_parse(mine->datagram, (size_t)size, packet)) {
         count_up(&mine->counts->malformed, 1);

@@ -45,9 +45,11 @@ static bool        sync_find(log_file* self);
 static take_result event_refuse(log_file* self, int64_t resume_at);
 static bool        event_read(log_file* self, int64_t start, packet* packet);
 
-static int log_open(void** self, const char* rest, unsigned receive, counters* counts,
-                    char* error, size_t error_size)
+static int log_open(void** self, const char* rest, unsigned receive,
+                    const transport_options* options, counters* counts, char* error,
+                    size_t error_size)
 {
+    (void)options;
     *self = NULL;
     const bool recording = (receive & TRANSPORT_RECORD) != 0;
     if (*rest == '\0') {
@@ -199,6 +201,7 @@ static bool event_read(log_file* self, int64_t start, packet* packet)
     packet->size = packet->truncated ? PAYLOAD_ROOM : header.payload_size;
     packet->payload = self->payload;
     packet->utime = header.utime;
+    packet->sender = 0;
     if (packet->size > 0 && fread(self->payload, packet->size, 1, self->file) != 1) {
         return false;
     }

@@ -21,12 +21,14 @@ enum {
 
 typedef struct event {
     const char* channel; ///< static storage: codec_channel()
+    uint64_t    sender;
     size_t      size;
     uint8_t     payload[CODEC_SIZE_MAX];
 } event;
 
 typedef struct end {
     char      name[NAME_SIZE];
+    uint64_t  number; ///< 1 for the first end that was opened in this process
     counters* counts;
     int       fd; ///< eventfd: readable while the ring holds events
     uint32_t  first, count;
@@ -36,13 +38,17 @@ typedef struct end {
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static end*            ends[ENDS_MAX];
+static uint64_t        ends_opened;
 
 static bool enlist(end* self);
-static void deliver(end* to, const char* channel, const uint8_t* payload, size_t size);
+static void deliver(end* to, uint64_t sender, const char* channel, const uint8_t* payload,
+                    size_t size);
 
-static int loop_open(void** self, const char* rest, unsigned receive, counters* counts,
-                     char* error, size_t error_size)
+static int loop_open(void** self, const char* rest, unsigned receive,
+                     const transport_options* options, counters* counts, char* error,
+                     size_t error_size)
 {
+    (void)options;
     (void)receive; // transport.c filters by channel
     *self = NULL;
     if (strlen(rest) >= NAME_SIZE) {
@@ -107,6 +113,7 @@ static take_result loop_take(void* self, packet* packet)
         packet->payload = mine->taken;
         packet->size = oldest->size;
         packet->utime = 0;
+        packet->sender = oldest->sender;
         packet->truncated = false;
         mine->first = (mine->first + 1) % RING_MAX;
         mine->count -= 1;
@@ -128,7 +135,7 @@ static int loop_send(void* self, int64_t utime, const char* channel, const uint8
     pthread_mutex_lock(&lock);
     for (uint32_t i = 0; i < ENDS_MAX; ++i) {
         if (ends[i] != NULL && ends[i] != mine && strcmp(ends[i]->name, mine->name) == 0) {
-            deliver(ends[i], channel, payload, size);
+            deliver(ends[i], mine->number, channel, payload, size);
         }
     }
     pthread_mutex_unlock(&lock);
@@ -142,6 +149,7 @@ static bool enlist(end* self)
     for (uint32_t i = 0; i < ENDS_MAX && !done; ++i) {
         if (ends[i] == NULL) {
             ends[i] = self;
+            self->number = ++ends_opened;
             done = true;
         }
     }
@@ -149,7 +157,8 @@ static bool enlist(end* self)
     return done;
 }
 
-static void deliver(end* to, const char* channel, const uint8_t* payload, size_t size)
+static void deliver(end* to, uint64_t sender, const char* channel, const uint8_t* payload,
+                    size_t size)
 {
     if (to->count == RING_MAX) {
         to->first = (to->first + 1) % RING_MAX;
@@ -158,6 +167,7 @@ static void deliver(end* to, const char* channel, const uint8_t* payload, size_t
     }
     event* slot = &to->ring[(to->first + to->count) % RING_MAX];
     slot->channel = channel;
+    slot->sender = sender;
     slot->size = size;
     memcpy(slot->payload, payload, size);
     to->count += 1;

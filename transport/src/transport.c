@@ -50,6 +50,13 @@ const char* transport_url_fault(const char* url)
 int transport_open(transport** bus, const char* url, unsigned receive, char* error,
                    size_t error_size)
 {
+    return transport_open_with(bus, url, receive, NULL, error, error_size);
+}
+
+int transport_open_with(transport** bus, const char* url, unsigned receive,
+                        const transport_options* options, char* error, size_t error_size)
+{
+    static const transport_options defaults;
     *bus = NULL;
     pthread_once(&prepared, codec_prepare);
 
@@ -66,7 +73,8 @@ int transport_open(transport** bus, const char* url, unsigned receive, char* err
         made->bus = backends[i];
         made->receive = receive;
         const int result = made->bus->open(&made->self, url + strlen(scheme), receive,
-                                           &made->counts, error, error_size);
+                                           options != NULL ? options : &defaults, &made->counts,
+                                           error, error_size);
         if (result != TRANSPORT_OK) {
             free(made);
             return result;
@@ -162,6 +170,7 @@ static bool admit(transport* bus, const packet* packet, transport_message* messa
         count_up(&bus->counts.malformed, 1);
         return false;
     }
+    message->sender = packet->sender;
     message->arrival_utime = packet->utime != 0 ? packet->utime : backend_utime_now();
     return true;
 }

@@ -19,6 +19,8 @@
 ///             dds:N     is refused: not built in yet.
 ///             log:FILE  an LCM event log: read, or written when opened with TRANSPORT_RECORD.
 ///                       What is written is in the file at each mark and at close.
+/// Senders     Every message tells who sent it, as far as the bus knows: an LCM sender is its
+///             address and port, a loop: sender its end; a log does not know.
 /// Losing it   A bus that goes away after it was opened shows in errors and comes back by itself;
 ///             the descriptor stays the same. For that, drain once a second even when nothing
 ///             is waiting.
@@ -38,6 +40,26 @@ extern "C" {
 #endif
 
 typedef struct transport transport;
+
+/// DDS Security: paths of PEM and signed XML files. All six, or none.
+typedef struct transport_dds_security {
+    const char *identity_ca, *certificate, *key, *permissions_ca, *governance, *permissions;
+} transport_dds_security;
+
+/// What a bus needs beyond its URL. All zero: the defaults. Strings and arrays are copied: they
+/// need to live until transport_open_with() returns.
+typedef struct transport_options {
+    const char* const* dds_interfaces; ///< none: CYCLONEDDS_URI's choice if set, else loopback only
+    uint32_t           dds_interface_count;
+    const char* const* dds_peers; ///< hosts to look for besides those multicast finds
+    uint32_t           dds_peer_count;
+    const transport_dds_security*    dds_security; ///< null: clear DDS
+    const struct transport_lcm_auth* lcm_auth;     ///< null: anyone
+    /// The middleware's own complaints, one line each, rate-limited; from any thread. May be null.
+    /// log_context lives as long as the bus.
+    void (*log)(void* context, const char* line);
+    void* log_context;
+} transport_options;
 
 typedef enum transport_kind {
     TRANSPORT_NONE = 0,
@@ -67,6 +89,7 @@ typedef struct transport_mark {
 typedef struct transport_message {
     transport_kind kind;
     int64_t        arrival_utime; ///< [us] clock at drain; the event's own time for log:
+    uint64_t       sender;        ///< who sent it, among the senders of this bus; 0 unknown
     union {
         verge_vehicle_state_t state;
         verge_vehicle_plan_t  plan;
@@ -96,6 +119,9 @@ typedef enum transport_result {
 const char* transport_url_fault(const char* url);
 
 /// Opens a bus. On failure *bus is null and error holds one line that says what to do.
+/// options null: the defaults.
+int  transport_open_with(transport** bus, const char* url, unsigned receive,
+                         const transport_options* options, char* error, size_t error_size);
 int  transport_open(transport** bus, const char* url, unsigned receive, char* error,
                     size_t error_size);
 void transport_close(transport* bus); ///< null is fine

@@ -1,0 +1,43 @@
+/// What buses need beyond their URLs, from JSON: the objects "dds" and "lcm" of the daemon's
+/// configuration, or of the file a tool is given with --bus-options.
+///
+///     { "dds": { "interfaces": ["eth1"], "peers": ["10.1.0.7"],
+///                "security": { "identity_ca": PATH, "certificate": PATH, "key": PATH,
+///                              "permissions_ca": PATH, "governance": PATH, "permissions": PATH } },
+///       "lcm": {} }
+///
+/// Everything is optional; where "security" is given, all six of its paths are. Relative paths
+/// start in the folder of the file that names them. Unknown keys are errors.
+///
+/// Memory      Heap, until bus_options_free(). transport points into the struct: do not copy it.
+#ifndef VERGE_APPS_BUS_JSON_H
+#define VERGE_APPS_BUS_JSON_H
+
+#include "json.h"
+#include "verge/transport.h"
+
+#include <stdio.h>
+
+enum { BUS_INTERFACES_MAX = 8, BUS_PEERS_MAX = 32 };
+
+typedef struct bus_options {
+    transport_options      transport; ///< what to open a bus with
+    transport_dds_security security;
+    const char*            interfaces[BUS_INTERFACES_MAX];
+    const char*            peers[BUS_PEERS_MAX];
+} bus_options;
+
+/// Reads the members "dds" and "lcm" of an object, which may have others. False: reported.
+/// Whatever it answers, bus_options_free() is due. log and log_context are left null.
+bool bus_options_read(bus_options* self, const json_at* of);
+/// The same from a file that holds nothing else. False: file->error has a line.
+bool bus_options_load(bus_options* self, const char* path, json_file* file);
+void bus_options_free(bus_options* self); ///< all zero is fine
+
+/// Do both ask for the same?
+bool bus_options_same(const bus_options* self, const bus_options* other);
+
+/// The members as JSON, each with a comma and a line break before it; nothing where none is given.
+void bus_options_write(FILE* out, const bus_options* self);
+
+#endif

@@ -1,0 +1,128 @@
+/// Goal: what buses need beyond their URLs is read as written, and a mistake is told with its place.
+/// Method: whole documents in memory and in files; what is printed is read again.
+#include "check.h"
+#include "common/bus_json.h"
+
+#include <stdlib.h>
+#include <unistd.h>
+
+static json_file file;
+
+static bool read_text(bus_options* options, const char* text)
+{
+    assert_true(json_file_parse(&file, "/etc/site/rsu.json", text, strlen(text)));
+    const json_at root = json_root(&file);
+    const bool good = bus_options_read(options, &root);
+    json_file_free(&file);
+    return good;
+}
+
+static const char whole[] =
+    "{ \"dds\": { \"interfaces\": [\"lo\", \"eth1\"], \"peers\": [\"10.1.0.7\"], \"security\": {"
+    "\"identity_ca\": \"a.pem\", \"certificate\": \"/b.pem\", \"key\": \"c\","
+    "\"permissions_ca\": \"d\", \"governance\": \"e\", \"permissions\": \"f\" } }, \"lcm\": {} }";
+
+static void test_names_and_paths_are_read_and_paths_start_in_the_files_folder(void** state)
+{
+    (void)state;
+    bus_options options;
+    if (!read_text(&options, whole)) {
+        fail_msg("%s", file.error);
+    }
+    const transport_options* t = &options.transport;
+    assert_int_equal(t->dds_interface_count, 2);
+    assert_string_equal(t->dds_interfaces[1], "eth1");
+    assert_int_equal(t->dds_peer_count, 1);
+    assert_string_equal(t->dds_peers[0], "10.1.0.7");
+    assert_string_equal(t->dds_security->identity_ca, "/etc/site/a.pem");
+    assert_string_equal(t->dds_security->certificate, "/b.pem");
+    assert_string_equal(t->dds_security->permissions, "/etc/site/f");
+    bus_options_free(&options);
+}
+
+static void test_what_is_not_given_is_the_default(void** state)
+{
+    (void)state;
+    bus_options options;
+    assert_true(read_text(&options, "{ \"rsu_id\": 1 }"));
+    assert_int_equal(options.transport.dds_interface_count, 0);
+    assert_null(options.transport.dds_security);
+    assert_null(options.transport.lcm_auth);
+    bus_options_free(&options);
+}
+
+static void test_mistakes_are_told_with_their_place(void** state)
+{
+    (void)state;
+    static const char* const wrong[][2] = {
+        { "{ \"dds\": 1 }", "rsu.json:dds: " },
+        { "{ \"dds\": { \"domain\": 1 } }", "domain" },
+        { "{ \"lcm\": { \"secret\": 1 } }", "secret" },
+        { "{ \"dds\": { \"interfaces\": \"lo\" } }", "dds.interfaces: " },
+        { "{ \"dds\": { \"interfaces\": [\"lo\", 3] } }", "dds.interfaces[1]: " },
+        { "{ \"dds\": { \"interfaces\": [\"1\",\"2\",\"3\",\"4\",\"5\",\"6\",\"7\",\"8\",\"9\"] } }",
+          "dds.interfaces: " },
+        { "{ \"dds\": { \"peers\": [\"\"] } }", "dds.peers[0]: " },
+        { "{ \"dds\": { \"security\": { \"key\": \"a\" } } }", "dds.security.identity_ca: " },
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
+        bus_options options;
+        assert_false(read_text(&options, wrong[i][0]));
+        if (strstr(file.error, wrong[i][1]) == NULL) {
+            fail_msg("%s is told as %s", wrong[i][0], file.error);
+        }
+        bus_options_free(&options);
+    }
+}
+
+static void test_what_is_printed_is_the_same_again(void** state)
+{
+    (void)state;
+    bus_options options, again, other;
+    assert_true(read_text(&options, whole));
+    char*  text = NULL;
+    size_t size = 0;
+    FILE*  memory = open_memstream(&text, &size);
+    fputs("{ \"x\": 1", memory);
+    bus_options_write(memory, &options);
+    fputs(" }", memory);
+    fclose(memory);
+    assert_true(read_text(&again, text));
+    assert_true(bus_options_same(&options, &again));
+    assert_true(read_text(&other, "{ \"dds\": { \"interfaces\": [\"lo\", \"eth1\"] } }"));
+    assert_false(bus_options_same(&options, &other));
+    free(text);
+    bus_options_free(&options);
+    bus_options_free(&again);
+    bus_options_free(&other);
+}
+
+static void test_a_file_of_options_holds_nothing_else(void** state)
+{
+    (void)state;
+    char path[] = "/tmp/verge_test_bus_XXXXXX";
+    const int fd = mkstemp(path);
+    static const char text[] = "{ \"dds\": { \"peers\": [] }, \"rsu_id\": 1 }";
+    assert_int_equal(write(fd, text, strlen(text)), strlen(text));
+    close(fd);
+    bus_options options;
+    assert_false(bus_options_load(&options, path, &file));
+    assert_non_null(strstr(file.error, "rsu_id"));
+    bus_options_free(&options);
+    assert_false(bus_options_load(&options, "/nowhere/at/all", &file));
+    assert_true(file.missing);
+    bus_options_free(&options);
+    remove(path);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_names_and_paths_are_read_and_paths_start_in_the_files_folder),
+        cmocka_unit_test(test_what_is_not_given_is_the_default),
+        cmocka_unit_test(test_mistakes_are_told_with_their_place),
+        cmocka_unit_test(test_what_is_printed_is_the_same_again),
+        cmocka_unit_test(test_a_file_of_options_holds_nothing_else),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -2,8 +2,7 @@
 /// tasks of about a millisecond each, so taking the mutex once a task costs nothing that shows.
 #include "executor.h"
 
-#include <pthread.h>
-#include <signal.h>
+#include <errno.h>
 #include <stdbool.h>
 #include <stdlib.h>
 
@@ -26,7 +25,13 @@ static void* help(void* context);
 
 executor* executor_create(uint32_t threads)
 {
+    return executor_create_with(threads, NULL);
+}
+
+executor* executor_create_with(uint32_t threads, const thread_options* options)
+{
     if (threads < 1 || threads > EXECUTOR_THREADS_MAX) {
+        errno = EINVAL;
         return NULL;
     }
     executor* pool = calloc(1, sizeof *pool);
@@ -37,18 +42,14 @@ executor* executor_create(uint32_t threads)
     pthread_cond_init(&pool->work_ready, NULL);
     pthread_cond_init(&pool->work_done, NULL);
 
-    // Helpers inherit a mask that blocks everything: signals belong to the thread that started us.
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    bool started = true;
-    while (started && pool->helper_count + 1 < threads) {
-        started = pthread_create(&pool->helpers[pool->helper_count], NULL, help, pool) == 0;
-        pool->helper_count += started ? 1 : 0;
+    int refused = 0;
+    while (refused == 0 && pool->helper_count + 1 < threads) {
+        refused = thread_start(&pool->helpers[pool->helper_count], options, help, pool);
+        pool->helper_count += refused == 0 ? 1 : 0;
     }
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    if (!started) {
+    if (refused != 0) {
         executor_destroy(pool);
+        errno = refused;
         return NULL;
     }
     return pool;

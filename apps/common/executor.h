@@ -13,6 +13,8 @@
 #ifndef VERGE_APPS_EXECUTOR_H
 #define VERGE_APPS_EXECUTOR_H
 
+#include "thread.h"
+
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -25,6 +27,8 @@ enum { EXECUTOR_THREADS_MAX = 64 };
 
 /// threads: 1 .. EXECUTOR_THREADS_MAX, the caller included. Null when the system refuses.
 executor* executor_create(uint32_t threads);
+/// The helpers run as the options say (null: as the caller). Null: the reason is in errno.
+executor* executor_create_with(uint32_t threads, const thread_options* options);
 void executor_destroy(executor* pool); ///< null is fine
 
 /// A verge_executor: context is the pool.

@@ -171,7 +171,7 @@ static int open_descriptors(live* self)
     self->signal_fd = signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
     self->cycle_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     self->status_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    self->worker = worker_create();
+    self->worker = worker_create(NULL);
     if (self->signal_fd < 0 || self->cycle_fd < 0 || self->status_fd < 0 ||
         self->worker == NULL) {
         return fail(EXIT_OS, "the system refused a thread or a descriptor");

@@ -1,9 +1,8 @@
 #include "worker.h"
 
 #include <assert.h>
-#include <pthread.h>
+#include <errno.h>
 #include <semaphore.h>
-#include <signal.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <sys/eventfd.h>
@@ -21,7 +20,7 @@ struct worker {
 
 static void* work(void* context);
 
-worker* worker_create(void)
+worker* worker_create(const thread_options* options)
 {
     worker* self = calloc(1, sizeof *self);
     if (self == NULL) {
@@ -32,15 +31,12 @@ worker* worker_create(void)
         free(self);
         return NULL;
     }
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    const int refused = pthread_create(&self->thread, NULL, work, self);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    if (refused) {
+    const int refused = thread_start(&self->thread, options, work, self);
+    if (refused != 0) {
         close(self->done_fd);
         sem_destroy(&self->jobs);
         free(self);
+        errno = refused;
         return NULL;
     }
     return self;

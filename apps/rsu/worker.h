@@ -7,12 +7,14 @@
 #ifndef VERGE_RSU_WORKER_H
 #define VERGE_RSU_WORKER_H
 
+#include "common/thread.h"
+
 #include <stdbool.h>
 
 typedef struct worker worker;
 
-/// Null when the system refuses a thread or a descriptor.
-worker* worker_create(void);
+/// options null: as the caller runs. Null when the system refuses a thread or a descriptor: errno.
+worker* worker_create(const thread_options* options);
 /// Waits for a running job. Null is fine.
 void worker_destroy(worker* self);
 

@@ -4,6 +4,7 @@
 /// one thing; cycles are whole calls of verge_planner_step(). Times are CPU times of this thread:
 /// other load on the machine moves them less than wall time, but it still moves them. What does
 /// not move is instructions: tools/bench-instructions counts them and hands them in.
+#include "common/data.h"
 #include "common/number.h"
 #include "common/options.h"
 #include "common/scenario.h"
@@ -67,7 +68,9 @@ static double cpu_seconds(void)
 
 int main(int argc, char** argv)
 {
-    settings with = { .scenarios = VERGE_SCENARIOS, .only_iterations = iterations, .seed = 1 };
+    char     folder[DATA_PATH_SIZE];
+    settings with = { .scenarios = data_path(folder, "scenarios"),
+                      .only_iterations = iterations, .seed = 1 };
     const char* seed_text = NULL;
     const char* search_text = NULL;
     const char* iterations_text = NULL;

@@ -3,6 +3,7 @@
 ///
 /// Finished experiments stand in the folder as soon as they end: after an interrupt they are
 /// whole, and the one under way has left no rows. Nothing depends on the number of threads.
+#include "common/data.h"
 #include "common/number.h"
 #include "common/options.h"
 #include "common/output.h"
@@ -37,8 +38,9 @@ static bool write_page(const char* path, const lab* self);
 int main(int argc, char** argv)
 {
     request with = { 0 };
-    lab     self = { .scenarios = VERGE_SCENARIOS, .recordings = VERGE_RECORDINGS,
-                     .out = "out/experiments", .seed = 1 };
+    char    scenarios[DATA_PATH_SIZE], recordings[DATA_PATH_SIZE];
+    lab     self = { .scenarios = data_path(scenarios, "scenarios"),
+                     .recordings = data_path(recordings, "recordings"), .out = "out/experiments", .seed = 1 };
     const option_entry options[] = {
         { "--only", "NAME", "runs this experiment only", &with.only, NULL },
         { "--repeats", "N", "seeds or scenes of each setting (default: each experiment's own)",

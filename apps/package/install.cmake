@@ -1,0 +1,57 @@
+# What `cmake --install` puts where, by component: dev (library), rsu (daemon), tools (the rest).
+# Every path follows the prefix given at install time, so one build serves any of them.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(VERGE_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/verge)
+set(VERGE_PACKAGE_DIR ${CMAKE_CURRENT_LIST_DIR})
+
+# --- the library: find_package(verge), pkg-config verge ---------------------------------------
+set_target_properties(verge_core PROPERTIES EXPORT_NAME core)
+install(TARGETS verge_core EXPORT verge
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
+install(DIRECTORY core/include/verge DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev)
+set(VERGE_PC_FILES verge.pc)
+if(TARGET verge_transport)
+    set_target_properties(verge_transport PROPERTIES EXPORT_NAME transport)
+    install(TARGETS verge_transport EXPORT verge
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
+    # transport.h names the generated message types beside itself.
+    install(DIRECTORY transport/include/verge DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+        COMPONENT dev)
+    get_target_property(headers verge_transport VERGE_TYPE_HEADERS)
+    install(FILES ${headers} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/verge COMPONENT dev)
+    install(DIRECTORY transport/types DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT dev)
+    list(APPEND VERGE_PC_FILES verge-transport.pc)
+endif()
+
+install(EXPORT verge NAMESPACE verge:: FILE vergeTargets.cmake DESTINATION ${VERGE_CMAKE_DIR}
+    COMPONENT dev)
+configure_package_config_file(${VERGE_PACKAGE_DIR}/vergeConfig.cmake.in
+    ${CMAKE_BINARY_DIR}/package/vergeConfig.cmake INSTALL_DESTINATION ${VERGE_CMAKE_DIR}
+    NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
+# Before 1.0 a minor version may change the interface.
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/package/vergeConfigVersion.cmake
+    COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_BINARY_DIR}/package/vergeConfig.cmake
+    ${CMAKE_BINARY_DIR}/package/vergeConfigVersion.cmake
+    DESTINATION ${VERGE_CMAKE_DIR} COMPONENT dev)
+
+file(RELATIVE_PATH VERGE_PC_PREFIX /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
+string(REGEX REPLACE "/$" "" VERGE_PC_PREFIX ${VERGE_PC_PREFIX})
+foreach(file ${VERGE_PC_FILES})
+    configure_file(${VERGE_PACKAGE_DIR}/${file}.in ${CMAKE_BINARY_DIR}/package/${file} @ONLY)
+    install(FILES ${CMAKE_BINARY_DIR}/package/${file}
+        DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT dev)
+endforeach()
+
+if(NOT VERGE_BUILD_APPS)
+    return()
+endif()
+
+# --- the programs and their data ---------------------------------------------------------------
+install(TARGETS verge-rsu RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT rsu)
+install(TARGETS verge-plan verge-sim verge-publish verge-replay verge-bench verge-experiment
+    RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools)
+install(DIRECTORY apps/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT tools
+    FILES_MATCHING PATTERN *.json)

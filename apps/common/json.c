@@ -232,7 +232,7 @@ const char* json_string_or(const json_at* of, const char* key, const char* other
     return at.node == NULL ? otherwise : json_string(of, key);
 }
 
-char* json_path(const json_at* at)
+char* json_join(const json_at* at)
 {
     const char* path = at->node->valuestring;
     const char* from = at->file->name;
@@ -244,7 +244,13 @@ char* json_path(const json_at* at)
     }
     memcpy(joined, from, folder);
     memcpy(joined + folder, path, strlen(path) + 1);
-    char* absolute = realpath(joined, NULL);
+    return joined;
+}
+
+char* json_path(const json_at* at)
+{
+    char* joined = json_join(at);
+    char* absolute = joined != NULL ? realpath(joined, NULL) : NULL;
     if (absolute == NULL) {
         return joined; // there is no such file: whoever opens it says so
     }

@@ -90,6 +90,8 @@ uint32_t    json_choice(const json_at* of, const char* key, const char* const* n
 /// A string member that names a file, from any folder: a relative path starts in the folder of
 /// the file it is written in. To be freed; null: out of memory. at must be a string.
 char*   json_path(const json_at* at);
+/// The same for a file that may not exist yet: only joined, symbolic links are not followed.
+char*   json_join(const json_at* at);
 
 // Values of the place itself.
 double  json_as_double(const json_at* at, double min, double max);

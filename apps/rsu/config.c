@@ -72,7 +72,8 @@ void config_free(config* self)
 static int read_document(config* self, const json_at* root)
 {
     static const char* const KEYS[] = { "format",    "rsu_id",   "bus",     "dds",       "lcm", "road",
-                                        "road_file", "cycle_ms", "planner", "freshness", NULL };
+                                        "road_file", "cycle_ms", "planner", "freshness",
+                                        "control", "metrics", "realtime", "log_format", NULL };
     if (!json_expect_object(root, KEYS)) {
         return EXIT_CONFIG;
     }
@@ -87,7 +88,8 @@ static int read_document(config* self, const json_at* root)
                                                CONFIG_CYCLE_MS_MAX, CONFIG_CYCLE_MS_DEFAULT);
     const json_at planner = json_member(root, "planner");
     const bool fits = planner_def_from_json(&planner, &self->planner) && read_bus(self, root) &&
-                      bus_options_read(&self->bus_options, root) && read_freshness(self, root);
+                      bus_options_read(&self->bus_options, root) && read_freshness(self, root) &&
+                      service_read(&self->service, root);
     return fits && root->file->error[0] == '\0' ? 0 : EXIT_CONFIG;
 }
 
@@ -225,6 +227,7 @@ void config_print(const config* self, FILE* out)
         number_write(out, *(const double*)((const char*)&self->freshness + params[i].offset));
     }
     fprintf(out, " }");
+    service_write(out, &self->service);
     fprintf(out, ",\n  \"planner\": ");
     planner_def_write(out, &self->planner);
     if (self->road_file != NULL) {

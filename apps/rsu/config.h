@@ -16,13 +16,29 @@
 /// | `cycle_ms`  | ms   | 10 .. 5000         | 500      | time between plans                    |
 /// | `planner`   |      | see planner.h      | defaults | any planner parameter by its name     |
 /// | `freshness` |      | see inbox.h        | defaults | limits on the age of states           |
+/// | `control`   |      | path or null       | null     | the socket verge-ctl speaks to        |
+/// | `metrics.`  |      | loopback address:  | null     | figures for Prometheus by HTTP, GET   |
+/// | `listen`    |      | port, or null      |          | /metrics                              |
+/// | `metrics.`  |      | path or null       | null     | the same as a file, replaced each     |
+/// | `file`      |      |                    |          | second                                |
+/// | `realtime.` |      | 0 .. 99            | 0        | SCHED_FIFO priority of the planning   |
+/// | `priority`  |      |                    |          | thread and its helpers; 0: none       |
+/// | `realtime.` |      | true, false        | false    | nothing of the process is ever paged  |
+/// | `lock_memory`|     |                    |          | out, or in after READY                |
+/// | `realtime.` |      | list of 0 .. 1023  | all      | processors the planning thread and    |
+/// | `cpus`      |      |                    |          | its helpers may run on                |
+/// | `log_format`|      | `text`, `json`     | `text`   | how the log's lines are written, see  |
+/// |             |      |                    |          | log.h; `--log-format` goes before it  |
 ///
-/// One of `road` and `road_file` is required. Unknown keys are errors.
+/// One of `road` and `road_file` is required. Unknown keys are errors. `control`, `metrics` and
+/// `realtime` are fixed at the start, and so is the planner's memory: a reload that changes one of
+/// them is refused and says so.
 /// Memory      Heap, until config_free(): at start-up and when the configuration is read again.
 #ifndef VERGE_RSU_CONFIG_H
 #define VERGE_RSU_CONFIG_H
 
 #include "cycle.h"
+#include "service.h"
 
 #include "common/bus_json.h"
 #include "verge/verge.h"
@@ -54,6 +70,7 @@ typedef struct config {
     uint32_t cycle_ms;
     verge_planner_def planner;  ///< road included; the road's memory belongs to the config
     inbox_limits freshness;
+    service  service;
     uint32_t map_crc32;         ///< of the road as read, whitespace apart
     uint32_t config_crc32;      ///< of what config_print() prints
     char*    road_file;         ///< the path as resolved; null: the road was written inline

@@ -8,6 +8,7 @@
 #include "config.h"
 #include "cycle.h"
 #include "log.h"
+#include "notify.h"
 #include "status.h"
 #include "worker.h"
 
@@ -51,6 +52,7 @@ typedef struct live {
     uint64_t       bus_errors;   // seen so far
     uint64_t       refusals;     // rx refusals already in the log
     uint64_t       over_capacity; // the same of these alone
+    notify         notify;       // the service manager
     status         status;
     cycle          cycle;
     transport_message inbound[DRAIN_BATCH];
@@ -73,7 +75,7 @@ int live_run(const live_options* options)
     static live self; // large, and there is one of it
     memset(&self, 0, sizeof self);
     self.options = options;
-    self.signal_fd = self.cycle_fd = self.status_fd = -1;
+    self.signal_fd = self.cycle_fd = self.status_fd = self.notify.fd = -1;
     const int code = start(&self);
     if (code != 0) {
         release(&self);
@@ -88,6 +90,7 @@ int live_run(const live_options* options)
 static int  load(live* self);
 static int  open_ends(live* self);
 static int  open_descriptors(live* self);
+static void open_notify(live* self);
 static int  fail(int code, const char* line);
 static void arm(int timer_fd, uint32_t period_ms);
 
@@ -103,18 +106,35 @@ static int start(live* self)
     if (code != 0) {
         return code;
     }
+    open_notify(self);
     self->status.start_utime = clock_us(CLOCK_REALTIME);
     const cycle_def def = config_cycle_def(self->config, &self->planner);
     cycle_init(&self->cycle, &def);
     arm(self->cycle_fd, self->config->cycle_ms);
     arm(self->status_fd, STATUS_PERIOD_MS);
     log_event(LOG_ALWAYS, "READY",
-              "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=%08x "
-              "config_crc32=%08x",
+              "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=0x%08x "
+              "config_crc32=0x%08x",
               VERGE_VERSION_STRING, self->config->rsu_id, self->config->bus,
               self->config->cycle_ms, self->planner.size, self->config->map_crc32,
               self->config->config_crc32);
+    notify_send(&self->notify, "READY=1");
     return 0;
+}
+
+/// The watchdog is fed by completed cycles: it must be more patient than one of them.
+static void open_notify(live* self)
+{
+    if (!notify_open(&self->notify)) {
+        log_event(LOG_WARNING, "notify_unusable",
+                  "reason=\"NOTIFY_SOCKET is neither a short path nor an abstract name\"");
+    }
+    const int64_t patience_us = self->notify.watchdog_us;
+    if (patience_us > 0 && patience_us < 2000 * (int64_t)self->config->cycle_ms) {
+        log_event(LOG_WARNING, "watchdog_short",
+                  "watchdog_us=%" PRId64 " cycle_ms=%u expected=\"WatchdogSec of at least two "
+                  "cycles\"", patience_us, self->config->cycle_ms);
+    }
 }
 
 /// Starts the helpers a configuration asks for. False: the system refuses them.
@@ -124,6 +144,12 @@ static bool pool_start(executor** pool, const config* config)
     return *pool != NULL || config->planner.threads <= 1;
 }
 
+static void open_log(const live* self)
+{
+    const log_format* asked = self->options->log_format;
+    log_setup(asked != NULL ? *asked : self->config->service.log_format);
+}
+
 static int load(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
@@ -131,6 +157,7 @@ static int load(live* self)
     if (code != 0) {
         return fail(code, error);
     }
+    open_log(self);
     if (!pool_start(&self->pool, self->config)) {
         return fail(EXIT_OS, "planner.threads: the system refused to start a thread");
     }
@@ -343,6 +370,9 @@ static void on_planned(live* self)
     send_messages(self);
     const int64_t now = clock_us(CLOCK_MONOTONIC);
     timing_add(&self->status.cycle_time, now - self->begun);
+    if (self->notify.watchdog_us > 0) {
+        notify_send(&self->notify, "WATCHDOG=1");
+    }
     self->status.heard = self->cycle.view.count > 0;
     if (self->late) {
         record_mark(self, true);
@@ -355,7 +385,7 @@ static void on_planned(live* self)
     }
     log_event(LOG_DEBUG, "cycle",
               "number=%" PRId64 " vehicles=%u controlled=%u fallbacks=%u us=%u "
-              "digest=%016" PRIx64,
+              "digest=0x%016" PRIx64,
               self->cycle.number, self->cycle.view.count, self->cycle.view.controlled_count,
               self->cycle.plan.fallback_count, self->status.cycle_time.last,
               self->cycle.plan.digest);
@@ -385,6 +415,7 @@ static void send_messages(live* self)
 
 static void watch_bus(live* self, int64_t now);
 static void send_status(live* self, int64_t now);
+static void tell_manager(live* self, int64_t now);
 
 static void tell_refusals(live* self, const transport_stats* bus);
 
@@ -405,6 +436,19 @@ static void on_status_due(live* self)
     const transport_stats stats = transport_statistics(self->bus);
     tell_refusals(self, &stats);
     send_status(self, now);
+    tell_manager(self, now);
+}
+
+/// What `systemctl status` shows.
+static void tell_manager(live* self, int64_t now)
+{
+    const rsu_fault fault = status_worst(&self->status, now);
+    char text[128];
+    snprintf(text, sizeof text, "%s: %u of %u vehicles planned%s%s",
+             rsu_state_name(status_state(&self->status, now)), self->cycle.view.controlled_count,
+             self->cycle.view.count, fault != RSU_FAULT_NONE ? ", fault " : "",
+             fault != RSU_FAULT_NONE ? rsu_fault_name(fault) : "");
+    notify_status(&self->notify, text);
 }
 
 /// One line a second at most, however many states were refused, with what for.
@@ -488,6 +532,10 @@ static bool on_signals(live* self)
 static void reload(live* self)
 {
     char error[CONFIG_ERROR_SIZE] = "";
+    char reloading[64];
+    snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
+             clock_us(CLOCK_MONOTONIC));
+    notify_send(&self->notify, reloading);
     drop_next(self);
     int code = config_load(&self->next_config, self->options->config_path, error);
     if (code == 0 && !pool_start(&self->next_pool, self->next_config)) {
@@ -508,10 +556,10 @@ static void reload(live* self)
     if (code == 0) {
         return;
     }
-    error[strcspn(error, "\n")] = '\0';
-    log_event(LOG_ERROR, "config_refused", "kept=%08x reason=\"%s\"", self->config->config_crc32,
-              error);
+    log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
+              self->config->config_crc32, log_words(error));
     status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
+    notify_send(&self->notify, "READY=1");
     drop_next(self);
 }
 
@@ -554,6 +602,7 @@ static void install_next(live* self)
     if (period_changed) {
         arm(self->cycle_fd, self->config->cycle_ms);
     }
+    open_log(self);
     status_fault_clear(&self->status, RSU_FAULT_CONFIG);
     // A recording holds one configuration: what follows could not be replayed with either.
     if (self->record != NULL) {
@@ -561,14 +610,16 @@ static void install_next(live* self)
         transport_close(self->record);
         self->record = NULL;
     }
-    log_event(LOG_INFO, "config_in_force", "config_crc32=%08x map_crc32=%08x cycle_ms=%u",
+    log_event(LOG_INFO, "config_in_force", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
               self->config->config_crc32, self->config->map_crc32, self->config->cycle_ms);
+    notify_send(&self->notify, "READY=1");
 }
 
 // ---- stop ---------------------------------------------------------------------------------
 
 static int stop(live* self)
 {
+    notify_send(&self->notify, "STOPPING=1");
     cycle_cancel_all(&self->cycle, self->cycle_count, clock_us(CLOCK_REALTIME));
     send_messages(self);
     self->status.stopping = true;
@@ -589,6 +640,7 @@ static int stop(live* self)
 
 static void release(live* self)
 {
+    notify_close(&self->notify);
     worker_destroy(self->worker);
     drop_next(self);
     transport_close(self->record);

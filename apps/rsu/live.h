@@ -7,11 +7,14 @@
 #ifndef VERGE_RSU_LIVE_H
 #define VERGE_RSU_LIVE_H
 
+#include "log.h"
+
 #include <stdint.h>
 
 typedef struct live_options {
     const char* config_path;
     const char* record_path; ///< null: no recording
+    const log_format* log_format; ///< null: the configuration's
     int64_t     cycles;      ///< stop after so many; 0: run until told to stop
 } live_options;
 

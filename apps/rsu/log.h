@@ -1,8 +1,16 @@
-/// The daemon's log: one line an event on standard error, `level=info event=ready key=value ...`.
+/// The daemon's log: one line an event on standard error.
+///
+///     text  level=info event=READY version=0.1.0 rsu_id=1 bus=lcm:udpm://... map_crc32=0x5ac635d8
+///     json  {"level":"info","event":"READY","version":"0.1.0","rsu_id":1,...}
+///
+/// The same pairs in both; in JSON what is written like a JSON number is one, all else a string.
+/// Where standard error is the journal's own ($JOURNAL_STREAM names it) each line begins with its
+/// priority, <3> error to <7> debug, which the journal takes off again.
 ///
 /// Each event has its own rate limit, LOG_BURST lines in a second, so that a flood of bad
 /// messages cannot drown the rest; the next line of that event tells how many were held back.
-/// Nothing is allocated. Calls come from one thread.
+/// Nothing is allocated. Calls come from the main thread alone: the planning thread never waits for
+/// whoever reads the log.
 #ifndef VERGE_RSU_LOG_H
 #define VERGE_RSU_LOG_H
 
@@ -16,6 +24,11 @@ typedef enum log_level {
     LOG_DEBUG = 3,
 } log_level;
 
+typedef enum log_format {
+    LOG_TEXT = 0,
+    LOG_JSON = 1,
+} log_format;
+
 enum { LOG_BURST = 5 };
 
 /// "error", "warning", "info" or "debug". False: not one of them, nothing changed.
@@ -24,8 +37,20 @@ bool log_level_from(const char* text, log_level* level);
 /// Lines above this level are not written. The default is LOG_INFO.
 void log_level_set(log_level level);
 
-/// event: a static string, lower case, one word. format: `key=value` pairs, may be empty.
+/// "text" or "json". False: neither, nothing changed.
+bool log_format_from(const char* text, log_format* format);
+const char* log_format_name(log_format format);
+
+/// The format of the lines to come, and whether standard error is the journal. Without a call:
+/// text, and it is not.
+void log_setup(log_format format);
+
+/// event: a static string, lower case, one word. format: pairs `key=value` or `key="some words"`
+/// with single spaces between them, may be empty. Words from elsewhere go through log_words().
 void log_event(log_level level, const char* event, const char* format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/// Makes a text of other people's fit between double quotes: on one line, with single quotes.
+char* log_words(char* text);
 
 #endif

@@ -16,6 +16,8 @@ typedef struct arguments {
     const char* replay_path;
     const char* cycles_text;
     const char* level_text;
+    const char* format_text;
+    log_format  format;
     bool        check;
     bool        print;
     uint64_t    cycles;
@@ -40,6 +42,7 @@ int main(int argc, char** argv)
     const live_options options = {
         .config_path = args.config_path,
         .record_path = args.record_path,
+        .log_format = args.format_text != NULL ? &args.format : NULL,
         .cycles = (int64_t)args.cycles,
     };
     return live_run(&options);
@@ -63,6 +66,7 @@ static int read_arguments(arguments* args, int argc, char** argv)
         { "--record", "LOG", "records states, cycles and plans", &args->record_path, NULL },
         { "--replay", "LOG", "plans what a log holds, a line a cycle", &args->replay_path, NULL },
         { "--log-level", "LEVEL", "error, warning, info or debug", &args->level_text, NULL },
+        { "--log-format", "FORMAT", "text or json; else as configured", &args->format_text, NULL },
     };
     const program self = {
         .name = "verge-rsu",
@@ -91,6 +95,9 @@ static int read_arguments(arguments* args, int argc, char** argv)
     log_level level = LOG_INFO;
     if (args->level_text != NULL && !log_level_from(args->level_text, &level)) {
         return wrong("--log-level", "is unknown, expected error, warning, info or debug");
+    }
+    if (args->format_text != NULL && !log_format_from(args->format_text, &args->format)) {
+        return wrong("--log-format", "is unknown, expected text or json");
     }
     log_level_set(level);
     return 0;

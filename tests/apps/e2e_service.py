@@ -1,0 +1,200 @@
+"""The daemon as a service: what it tells its manager and its log, without any bus.
+
+    python3 tests/apps/e2e_service.py --bin build/bin [--only NAME]
+
+Every case is a function named like its claim. The bus is loop:, which needs no network: cycles
+run, and there is nobody to plan for.
+"""
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from daemon_rig import Daemon, Manager, check, run_cases, wait_for
+
+
+# ---- the service manager ------------------------------------------------------------------
+
+def the_manager_hears_of_start_reload_and_stop(rig):
+    for name in (str(rig.folder / "notify"), b"\0verge-test-%d" % os.getpid()):
+        manager = Manager(name)
+        config = rig.config()
+        with Daemon(rig, config, env={"NOTIFY_SOCKET": manager.name}) as rsu:
+            manager.wait_for("READY=1")
+            text = manager.wait_for("STATUS=")
+            check(text == "STATUS=waiting: 0 of 0 vehicles planned", text)
+            for document, event in ((None, "config_in_force"), ("{", "config_refused")):
+                if document is not None:
+                    config.write_text(document)
+                else:
+                    rig.config(rsu_id=7)
+                before = time.monotonic_ns() // 1000
+                rsu.signal(signal.SIGHUP)
+                lines = manager.wait_for("RELOADING=1").split("\n")
+                check(lines[0] == "RELOADING=1" and lines[1].startswith("MONOTONIC_USEC="), lines)
+                stamp = int(lines[1].split("=")[1])
+                check(before <= stamp <= time.monotonic_ns() // 1000, f"{before} {stamp}")
+                manager.wait_for("READY=1")
+                rsu.wait_for(event)
+            text = manager.wait_for("STATUS=degraded")
+            check(text.endswith("fault config"), text)
+            check(rsu.stop()[1] == 0, "stops")
+            manager.wait_for("STOPPING=1")
+        check(not any("WATCHDOG" in text for text in manager.heard), "nobody asked for that")
+
+
+def the_status_text_is_sent_when_it_changes_and_not_each_second(rig):
+    manager = Manager(str(rig.folder / "notify"))
+    with Daemon(rig, rig.config(), env={"NOTIFY_SOCKET": manager.name}):
+        manager.wait_for("STATUS=")
+        check(manager.silent_for(2.5) == [], "it has not changed")
+
+
+def completed_cycles_feed_the_watchdog(rig):
+    manager = Manager(str(rig.folder / "notify"))
+    env = {"NOTIFY_SOCKET": manager.name, "WATCHDOG_USEC": "2000000"}
+    with Daemon(rig, rig.config(cycle_ms=20), env=env) as rsu:
+        for _ in range(50): # waiting for input, it still runs its cycles
+            manager.wait_for("WATCHDOG=1")
+        check("watchdog_short" not in rsu.text(), rsu.text())
+    # Another process's watchdog is not ours to feed.
+    with Daemon(rig, rig.config(cycle_ms=20), env={**env, "WATCHDOG_PID": "1"}):
+        manager.heard.clear()
+        manager.wait_for("STATUS=")
+        check(not any("WATCHDOG" in text for text in manager.heard), manager.heard)
+    with Daemon(rig, rig.config(cycle_ms=2000), env=env) as rsu:
+        check("watchdog_short" in rsu.text(), "one late cycle would have it killed, and it says so")
+
+
+def without_a_manager_it_works_as_well(rig):
+    nobody = str(rig.folder / "nobody-listens")
+    for name, usable in (("", True), (nobody, True), ("no/path", False), ("/" + "x" * 200, False)):
+        with Daemon(rig, rig.config(), env={"NOTIFY_SOCKET": name}) as rsu:
+            check(("notify_unusable" in rsu.text()) != usable, rsu.text())
+            check(rsu.stop()[1] == 0, "stops")
+
+
+# ---- the log ------------------------------------------------------------------------------
+
+def the_log_is_text_or_json_with_the_same_pairs(rig):
+    config = rig.config()
+    with Daemon(rig, config) as rsu:
+        config.write_text("{\"format\": \"verge-rsu/1\", \"bogus\\\\\": 1}")
+        rsu.signal(signal.SIGHUP)
+        rsu.wait_for("config_refused")
+        check(rsu.stop()[1] == 0, "stops")
+        text = rsu.text().splitlines()
+    rig.config()
+    with Daemon(rig, config, "--log-format", "json") as rsu:
+        config.write_text("{\"format\": \"verge-rsu/1\", \"bogus\\\\\": 1}")
+        rsu.signal(signal.SIGHUP)
+        rsu.wait_for("config_refused")
+        check(rsu.stop()[1] == 0, "stops")
+        documents = [json.loads(line) for line in rsu.text().splitlines()]
+    ready = next(d for d in documents if d["event"] == "READY")
+    check(ready["level"] == "info" and ready["cycle_ms"] == 50, ready)
+    check(isinstance(ready["planner_bytes"], int) and isinstance(ready["version"], str), ready)
+    check(ready["map_crc32"].startswith("0x"), "a checksum is a text, whatever its digits")
+    line = next(t for t in text if "event=READY" in t)
+    check([pair.split("=")[0] for pair in line.split(" ")] == list(ready), f"{line} {ready}")
+    refused = next(d for d in documents if d["event"] == "config_refused")
+    check("bogus\\" in refused["reason"], refused)
+    # The configuration may say so, too; the option goes before it.
+    with Daemon(rig, rig.config(log_format="json")) as rsu:
+        check(all(json.loads(line) for line in rsu.text().splitlines()), rsu.text())
+    with Daemon(rig, rig.config(log_format="json"), "--log-format", "text") as rsu:
+        check(rsu.text().startswith("level="), rsu.text())
+    check(rig.run(rig.bin / "verge-rsu", "--config", config, "--log-format", "xml")[0] == 64, "64")
+    code, _, error = rig.run(rig.bin / "verge-rsu", "--config", rig.config(log_format="xml"))
+    check(code == 78 and "log_format" in error and error.count("\n") == 1, error)
+
+
+def lines_to_the_journal_carry_their_priority(rig):
+    config = rig.config()
+    log = rig.folder / "journal"
+    with open(log, "wb") as end:
+        facts = os.fstat(end.fileno())
+        for stream, marked in ((f"{facts.st_dev}:{facts.st_ino}", True), ("1:1", False)):
+            end.truncate(0)
+            end.seek(0)
+            rsu = subprocess.Popen([str(rig.bin / "verge-rsu"), "--config", str(config)],
+                                   stderr=end, env={**os.environ, "JOURNAL_STREAM": stream})
+            try:
+                wait_for(lambda: "READY" in log.read_text(), "READY")
+                config.write_text("{")
+                rsu.send_signal(signal.SIGHUP)
+                wait_for(lambda: "config_refused" in log.read_text(), "config_refused")
+            finally:
+                rsu.terminate()
+                rsu.wait()
+            rig.config()
+            lines = log.read_text().replace("\0", "").splitlines()
+            for line in lines:
+                priority = "<3>" if "level=error" in line else "<6>"
+                check(line.startswith(priority + "level=" if marked else "level="), line)
+            check(any("level=error" in line for line in lines), lines)
+
+
+# ---- configuration ------------------------------------------------------------------------
+
+def what_the_daemon_cannot_serve_is_refused_by_name(rig):
+    wrong = [({"control": 1}, "control"), ({"control": ""}, "control"),
+             ({"control": "/" + "x" * 120}, "control"), ({"metrics": {"bogus": 1}}, "bogus"),
+             ({"metrics": {"listen": "0.0.0.0:9464"}}, "metrics.listen"),
+             ({"metrics": {"listen": "10.0.0.1:9464"}}, "metrics.listen"),
+             ({"metrics": {"listen": "[::]:9464"}}, "metrics.listen"),
+             ({"metrics": {"listen": "127.0.0.1"}}, "metrics.listen"),
+             ({"metrics": {"listen": "127.0.0.1:0"}}, "metrics.listen"),
+             ({"metrics": {"listen": "127.0.0.1:70000"}}, "metrics.listen"),
+             ({"metrics": {"listen": 9464}}, "metrics.listen"),
+             ({"metrics": {"listen": "x" * 500}}, "metrics.listen"),
+             ({"metrics": {"file": ""}}, "metrics.file"), ({"metrics": []}, "metrics"),
+             ({"realtime": {"priority": 100}}, "realtime.priority"),
+             ({"realtime": {"priority": -1}}, "realtime.priority"),
+             ({"realtime": {"lock_memory": 1}}, "realtime.lock_memory"),
+             ({"realtime": {"cpus": [-1]}}, "realtime.cpus[0]"),
+             ({"realtime": {"cpus": [0, 5000]}}, "realtime.cpus[1]"),
+             ({"realtime": {"cpus": list(range(70))}}, "realtime.cpus"),
+             ({"realtime": {"bogus": 1}}, "bogus"), ({"log_format": "xml"}, "log_format")]
+    for change, name in wrong:
+        code, _, error = rig.run(rig.bin / "verge-rsu", "--config", rig.config(**change),
+                                 "--check-config")
+        check(code == 78 and name in error and error.count("\n") == 1, f"{change}: {code} {error}")
+
+
+def the_printed_configuration_prints_itself(rig):
+    config = rig.config(control="rsu.sock", metrics={"listen": "[::1]:9464", "file": "m.prom"},
+                        realtime={"priority": 4, "lock_memory": True, "cpus": [0, 1]},
+                        log_format="json")
+    code, out, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--print-config")
+    check(code == 0, error)
+    document = json.loads(out)
+    check(document["control"] == str(rig.folder / "rsu.sock"), "relative to its file")
+    check(document["metrics"] == {"listen": "[::1]:9464", "file": str(rig.folder / "m.prom")}, out)
+    check(document["realtime"] == {"priority": 4, "lock_memory": True, "cpus": [0, 1]}, out)
+    config.write_text(out)
+    check(rig.run(rig.bin / "verge-rsu", "--config", config, "--print-config", cwd="/")[1] == out,
+          "anywhere")
+
+
+CASES = [
+    the_manager_hears_of_start_reload_and_stop,
+    the_status_text_is_sent_when_it_changes_and_not_each_second,
+    completed_cycles_feed_the_watchdog,
+    without_a_manager_it_works_as_well,
+    the_log_is_text_or_json_with_the_same_pairs,
+    lines_to_the_journal_carry_their_priority,
+    what_the_daemon_cannot_serve_is_refused_by_name,
+    the_printed_configuration_prints_itself,
+]
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--lcm-python")
+    parser.add_argument("--only", default="")
+    args = parser.parse_args()
+    sys.exit(run_cases(CASES, args.bin, args.only))

@@ -55,3 +55,19 @@ install(TARGETS verge-plan verge-sim verge-publish verge-replay verge-bench verg
     RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools)
 install(DIRECTORY apps/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT tools
     FILES_MATCHING PATTERN *.json)
+
+configure_file(${VERGE_PACKAGE_DIR}/system.cmake.in ${CMAKE_BINARY_DIR}/package/system.cmake @ONLY)
+install(SCRIPT ${CMAKE_BINARY_DIR}/package/system.cmake COMPONENT rsu)
+install(DIRECTORY apps/site/ DESTINATION ${CMAKE_INSTALL_DOCDIR}-rsu/examples COMPONENT rsu)
+
+# Debian wants to know under what terms; each package says so itself.
+foreach(pair dev:libverge-dev rsu:verge-rsu tools:verge-tools)
+    string(REPLACE ":" ";" pair ${pair})
+    list(GET pair 0 component)
+    list(GET pair 1 package)
+    install(FILES ${VERGE_PACKAGE_DIR}/copyright
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${package} COMPONENT ${component})
+endforeach()
+
+set(VERGE_DEB_DEV_DEPENDS "liblcm-dev")
+include(${VERGE_PACKAGE_DIR}/cpack.cmake)

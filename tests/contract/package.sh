@@ -1,0 +1,72 @@
+#!/bin/bash
+# Claim: the Debian packages hold what they should, and the daemon runs from them: unpacked into an
+# empty folder it checks the configuration it came with, plans for the vehicles of a scenario of
+# verge-tools, and obeys SIGTERM.
+#
+#     package.sh SOURCE_DIR BUILD_DIR WORK_DIR
+set -euo pipefail
+source_dir=$1
+build_dir=$2
+work=$3
+fail() { echo "package: $*" >&2; exit 1; }
+command -v dpkg-deb >/dev/null || { echo "SKIPPED: dpkg-deb is missing"; exit 77; }
+command -v dpkg-shlibdeps >/dev/null || { echo "SKIPPED: dpkg-shlibdeps is missing (Debian: dpkg-dev)"; exit 77; }
+
+rm -rf "$work"
+mkdir -p "$work"
+cpack --config "$build_dir/CPackConfig.cmake" -B "$work/made" >"$work/cpack.log" 2>&1 ||
+    { cat "$work/cpack.log"; exit 1; }
+version=$(sed -n 's/^project(verge VERSION \([0-9.]*\).*/\1/p' "$source_dir/CMakeLists.txt")-1
+architecture=$(dpkg --print-architecture)
+for package in libverge-dev verge-rsu verge-tools; do
+    deb=$work/made/${package}_${version}_$architecture.deb
+    [ -f "$deb" ] || fail "$deb is missing: $(ls "$work/made")"
+    dpkg-deb -x "$deb" "$work/root"
+done
+
+deb=$work/made/verge-rsu_${version}_$architecture.deb
+dpkg-deb -e "$deb" "$work/control"
+grep -qE '^Depends: .*adduser.*libc6 .*libcjson1' "$work/control/control" ||
+    fail "$(grep Depends "$work/control/control")"
+while read -r file; do
+    [ -f "$work/root$file" ] || fail "conffile $file is not in the package"
+done <"$work/control/conffiles"
+(cd "$work/root" && find etc -type f | sed 's#^#/#' | sort) | diff - "$work/control/conffiles" ||
+    fail "what lies in /etc is not what conffiles lists"
+for script in postinst prerm postrm; do
+    sh -n "$work/control/$script"
+    [ -x "$work/control/$script" ] || fail "$script cannot be run"
+done
+dpkg-deb -c "$deb" | awk '$2 != "root/root" || $1 ~ /^.....w|^........w|^-..s/ { print; bad = 1 }
+    END { exit bad }' || fail "the files above belong to others or may be written by others"
+if grep -rlF -e "$source_dir" -e "$work" "$work/root"; then
+    fail "the files above name the place they were built at"
+fi
+
+# The daemon from there, as a unit would run it.
+config=$work/root/etc/verge/rsu.json
+bin=$work/root/usr/bin
+grep -qF "ExecStart=/usr/bin/verge-rsu --config /etc/verge/rsu.json" \
+    "$work/root/usr/lib/systemd/system/verge-rsu.service" || fail "the unit starts something else"
+"$bin/verge-rsu" --config "$config" --check-config >"$work/check.log"
+grep -q 'planner, all together' "$work/check.log"
+ulimit -S -s 256 # the unit's
+"$source_dir/tests/support/in_network.sh" bash -s "$bin" "$config" \
+    "$work/root/usr/share/verge/scenarios/ramp-case1.json" "$work" <<'END'
+set -euo pipefail
+bin=$1 config=$2 scenario=$3 work=$4
+"$bin/verge-rsu" --config "$config" 2>"$work/rsu.log" &
+daemon=$!
+trap 'kill -9 $daemon 2>/dev/null || true' EXIT
+for _ in $(seq 300); do
+    ! grep -q event=READY "$work/rsu.log" || break
+    sleep 0.1
+done
+"$bin/verge-publish" "$scenario" --bus 'lcm:udpm://239.255.76.67:7667?ttl=0' --duration 5 \
+    >"$work/publish.log"
+kill -TERM $daemon
+wait $daemon
+trap - EXIT
+END
+grep -qE 'planned' "$work/publish.log" || { cat "$work/rsu.log" "$work/publish.log"; fail "no plans"; }
+echo "packages of $version: $(cd "$work/made" && ls ./*.deb | tr '\n' ' ')"

@@ -1,0 +1,77 @@
+#!/bin/bash
+# Claim: on a fresh Debian 12 the packages install with all they need, the daemon plans there under
+# its own user, and removing and purging them takes everything away again.
+#
+#     package_root.sh SOURCE_DIR BUILD_DIR WORK_DIR
+#
+# For tools/check --long (VERGE_TEST_LONG=1): it fetches a Debian system. Needs root, debootstrap
+# and Debian's archive; without one of them it says so and is skipped.
+set -euo pipefail
+source_dir=$1
+build_dir=$2
+work=$3
+fail() { echo "package_root: $*" >&2; exit 1; }
+skip() { echo "SKIPPED: $*"; exit 77; }
+[ -n "${VERGE_TEST_LONG:-}" ] || skip "only tools/check --long fetches a fresh Debian"
+[ "$(id -u)" = 0 ] || skip "debootstrap wants root"
+command -v debootstrap >/dev/null || skip "debootstrap is missing"
+unshare -n true 2>/dev/null || skip "this machine refuses a private network"
+
+root=$work/root
+rm -rf "$work"
+mkdir -p "$work"
+mirror=$(awk '/^URIs:/ { print $2; exit } /^deb / { for (i = 2; i <= NF; i++)
+    if ($i ~ /^http/) { print $i; exit } }' /etc/apt/sources.list.d/*.sources \
+    /etc/apt/sources.list 2>/dev/null || true)
+debootstrap --variant=minbase bookworm "$root" "${mirror:-http://deb.debian.org/debian}" \
+    >"$work/debootstrap.log" 2>&1 ||
+    skip "no fresh Debian to be had: $(tail -1 "$work/debootstrap.log")"
+trap 'rm -rf "$root"' EXIT
+
+cpack --config "$build_dir/CPackConfig.cmake" -B "$root/packages" >"$work/cpack.log" 2>&1 ||
+    { cat "$work/cpack.log"; exit 1; }
+inside() { DEBIAN_FRONTEND=noninteractive LC_ALL=C chroot "$root" "$@"; }
+find "$root/etc" "$root/usr/bin" "$root/usr/lib" "$root/var/lib" -name '*verge*' >"$work/before"
+[ ! -s "$work/before" ] || fail "the fresh system knows verge: $(cat "$work/before")"
+
+inside sh -c 'apt-get update -qq && apt-get install -qq --no-install-recommends \
+    /packages/verge-rsu_*.deb /packages/verge-tools_*.deb' >"$work/install.log" 2>&1 ||
+    { tail -20 "$work/install.log"; fail "does not install"; }
+inside getent passwd verge | grep -q ':/var/lib/verge:/usr/sbin/nologin$' || fail "no user verge"
+[ "$(inside stat -c '%U:%G %a' /etc/verge/keys)" = "root:verge 750" ] ||
+    fail "/etc/verge/keys: $(inside stat -c '%U:%G %a' /etc/verge/keys)"
+inside chroot --userspec=verge:verge / /usr/bin/verge-rsu --config /etc/verge/rsu.json \
+    --check-config >"$work/check.log"
+
+# The daemon as its user beside vehicles, both in the fresh system and in a network of their own.
+unshare -n bash -s "$root" "$work" <<'END'
+set -euo pipefail
+root=$1 work=$2
+ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo
+chroot --userspec=verge:verge "$root" /usr/bin/verge-rsu --config /etc/verge/rsu.json \
+    2>"$work/rsu.log" &
+daemon=$!
+trap 'kill -9 $daemon 2>/dev/null || true' EXIT
+for _ in $(seq 300); do
+    ! grep -q event=READY "$work/rsu.log" || break
+    sleep 0.1
+done
+chroot "$root" verge-publish /usr/share/verge/scenarios/ramp-case1.json \
+    --bus 'lcm:udpm://239.255.76.67:7667?ttl=0' --duration 5 >"$work/publish.log"
+kill -TERM $daemon
+wait $daemon
+trap - EXIT
+END
+grep -q planned "$work/publish.log" || { cat "$work/rsu.log" "$work/publish.log"; fail "no plans"; }
+
+# An upgrade keeps what the site changed; a purge leaves nothing but the user.
+echo '{ "changed": "by the site" }' >"$root/etc/verge/rsu.json"
+inside sh -c 'dpkg --force-confdef --force-confold -i /packages/verge-rsu_*.deb' \
+    >"$work/upgrade.log" 2>&1
+grep -q 'by the site' "$root/etc/verge/rsu.json" || fail "an upgrade overwrote the configuration"
+inside dpkg --remove verge-rsu verge-tools >"$work/remove.log" 2>&1
+[ -f "$root/etc/verge/rsu.json" ] || fail "removing took the configuration away"
+inside dpkg --purge verge-rsu verge-tools >"$work/purge.log" 2>&1
+find "$root/etc" "$root/usr/bin" "$root/usr/lib" "$root/var/lib" -name '*verge*' >"$work/after"
+[ ! -s "$work/after" ] || fail "purged, and yet there: $(tr '\n' ' ' <"$work/after")"
+echo "installed, planned, upgraded, removed and purged on a fresh Debian"

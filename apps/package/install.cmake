@@ -23,6 +23,9 @@ if(TARGET verge_transport)
     install(FILES ${headers} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/verge COMPONENT dev)
     install(DIRECTORY transport/types DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT dev)
     list(APPEND VERGE_PC_FILES verge-transport.pc)
+    if(VERGE_OPENSSL)
+        string(APPEND VERGE_PC_TRANSPORT_LIBS " -lcrypto")
+    endif()
 endif()
 
 install(EXPORT verge NAMESPACE verge:: FILE vergeTargets.cmake DESTINATION ${VERGE_CMAKE_DIR}

@@ -18,6 +18,7 @@ enum { DATAGRAM_SIZE_MAX = 1472 };
 /// transport_stats, countable by two threads.
 typedef struct counters {
     atomic_uint_fast64_t received, published, malformed, foreign, dropped, errors;
+    atomic_uint_fast64_t refused[TRANSPORT_REFUSALS];
 } counters;
 
 static inline void count_up(atomic_uint_fast64_t* counter, uint64_t by)

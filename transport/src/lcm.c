@@ -13,12 +13,17 @@
 ///             Once a second the receiver joins the group again: where it still belongs to it
 ///             nothing changes, where the interface went away it comes back with the new one. A
 ///             receiving socket that is broken is replaced under its old number.
+/// Strangers   Where asked, messages of foreign addresses, and unsigned, forged or replayed ones,
+///             are refused, counted and told once a second: lcm_auth.h. Channels that nobody
+///             asked for are left alone: their senders owe us nothing.
 #include "backend.h"
 #include "codec.h"
+#include "lcm_auth.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <netinet/in.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,6 +47,12 @@ typedef struct target {
     int                buffer_size; ///< [B] asked of the kernel; it gives net.core.rmem_max at most
 } target;
 
+/// What was refused for one cause, to be told at most once a second.
+typedef struct complaint {
+    int64_t  told_at_s; ///< [s] monotonic
+    uint64_t untold;
+} complaint;
+
 typedef struct lcm {
     target    to;
     counters* counts;
@@ -49,10 +60,16 @@ typedef struct lcm {
     int       send_fd;
     uint32_t  sequence;
     // Receiver only.
+    unsigned  receive;
     int       receive_fd; ///< -1: opened for sending only
     uint32_t  lost_before; ///< the kernel's count at the last datagram
     int64_t   retry_at_s;  ///< [s] monotonic: when to join again
     uint8_t   datagram[ROOM];
+    // Both.
+    lcm_auth  auth;
+    void    (*log)(void* context, const char* line); ///< may be null
+    void*     log_context;
+    complaint complaints[TRANSPORT_REFUSALS];
 } lcm;
 
 static bool target_parse(target* to, const char* url);
@@ -63,12 +80,13 @@ static void explain(char* error, size_t error_size, const char* url, int cause);
 static void receiver_mend(lcm* self, bool broken);
 static void count_lost(lcm* self, struct msghdr* message);
 static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet);
+static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet* packet);
+static void complain(lcm* self, transport_refusal refusal, const struct sockaddr_in* from);
 
 static int lcm_open(void** self, const char* rest, unsigned receive,
                     const transport_options* options, counters* counts, char* error,
                     size_t error_size)
 {
-    (void)options;
     *self = NULL;
     target to;
     if (!target_parse(&to, rest)) {
@@ -82,8 +100,15 @@ static int lcm_open(void** self, const char* rest, unsigned receive,
         snprintf(error, error_size, "lcm:%s: out of memory", rest);
         return TRANSPORT_UNAVAILABLE;
     }
+    if (!lcm_auth_init(&made->auth, options->lcm_auth, error, error_size)) {
+        free(made);
+        return TRANSPORT_BAD_URL;
+    }
     made->to = to;
     made->counts = counts;
+    made->receive = receive;
+    made->log = options->log;
+    made->log_context = options->log_context;
     made->send_fd = sender_open(&to);
     made->receive_fd = -1;
     const bool wanted = receive != 0;
@@ -95,6 +120,7 @@ static int lcm_open(void** self, const char* rest, unsigned receive,
         if (made->send_fd >= 0) {
             close(made->send_fd);
         }
+        lcm_auth_wipe(&made->auth);
         free(made);
         return TRANSPORT_UNAVAILABLE;
     }
@@ -109,6 +135,7 @@ static void lcm_close(void* self)
     if (mine->receive_fd >= 0) {
         close(mine->receive_fd);
     }
+    lcm_auth_wipe(&mine->auth);
     free(mine);
 }
 
@@ -157,6 +184,12 @@ static take_result lcm_take(void* self, packet* packet)
         count_up(&mine->counts->malformed, 1);
         return TAKE_REFUSED;
     }
+    const transport_refusal refusal = judge(mine, &from, packet);
+    if (refusal != TRANSPORT_ADMITTED) {
+        count_up(&mine->counts->refused[refusal], 1);
+        complain(mine, refusal, &from);
+        return TAKE_REFUSED;
+    }
     return TAKE_PACKET;
 }
 
@@ -169,16 +202,22 @@ static int lcm_send(void* self, int64_t utime, const char* channel, const uint8_
     codec_put_u32(header, magic_single);
     codec_put_u32(header + 4, mine->sequence++);
 
-    struct iovec parts[3] = {
+    uint8_t      trailer[LCM_AUTH_TRAILER_SIZE];
+    struct iovec parts[4] = {
         { .iov_base = header, .iov_len = sizeof header },
         { .iov_base = (void*)(uintptr_t)channel, .iov_len = strlen(channel) + 1 },
         { .iov_base = (void*)(uintptr_t)payload, .iov_len = size },
+        { .iov_base = trailer, .iov_len = 0 },
     };
+    if (mine->auth.own_key != NULL) {
+        lcm_auth_sign(&mine->auth, backend_utime_now(), &parts[1], 2, trailer);
+        parts[3].iov_len = sizeof trailer;
+    }
     const struct msghdr message = {
         .msg_name = &mine->to.group,
         .msg_namelen = sizeof mine->to.group,
         .msg_iov = parts,
-        .msg_iovlen = 3,
+        .msg_iovlen = 4,
     };
     return sendmsg(mine->send_fd, &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0 ? -1 : 0;
 }
@@ -374,6 +413,50 @@ static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet)
     packet->payload = end + 1;
     packet->size = room - length - 1;
     return true;
+}
+
+/// Takes the signature off a good message.
+static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet* packet)
+{
+    const transport_kind kind = codec_kind(packet->channel);
+    if (kind == TRANSPORT_NONE || (self->receive & 1u << kind) == 0) {
+        return TRANSPORT_ADMITTED;
+    }
+    if (!lcm_auth_allows(&self->auth, ntohl(from->sin_addr.s_addr))) {
+        return TRANSPORT_NOT_ALLOWED;
+    }
+    if (self->auth.key_count == 0 || packet->truncated) { // the codec refuses what is truncated
+        return TRANSPORT_ADMITTED;
+    }
+    const uint8_t* event = self->datagram + HEADER_SIZE;
+    const size_t   size = (size_t)(packet->payload - event) + packet->size;
+    const transport_refusal refusal =
+        lcm_auth_verify(&self->auth, backend_utime_now(), event, size);
+    if (refusal == TRANSPORT_ADMITTED) {
+        packet->size -= LCM_AUTH_TRAILER_SIZE;
+    }
+    return refusal;
+}
+
+/// One line a second and cause at most, with how many it stands for and what to do.
+static void complain(lcm* self, transport_refusal refusal, const struct sockaddr_in* from)
+{
+    complaint* cause = &self->complaints[refusal];
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    cause->untold += 1;
+    if (self->log == NULL || (int64_t)now.tv_sec == cause->told_at_s) {
+        return;
+    }
+    char line[256];
+    char address[INET_ADDRSTRLEN] = "?";
+    inet_ntop(AF_INET, &from->sin_addr, address, sizeof address);
+    snprintf(line, sizeof line, "lcm: refused %" PRIu64 " as %s, the last from %s:%u: %s",
+             cause->untold, transport_refusal_name(refusal), address,
+             (unsigned)ntohs(from->sin_port), lcm_auth_text(refusal));
+    cause->told_at_s = (int64_t)now.tv_sec;
+    cause->untold = 0;
+    self->log(self->log_context, line);
 }
 
 const backend backend_lcm = {

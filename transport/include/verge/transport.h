@@ -46,6 +46,34 @@ typedef struct transport_dds_security {
     const char *identity_ca, *certificate, *key, *permissions_ca, *governance, *permissions;
 } transport_dds_security;
 
+enum {
+    TRANSPORT_LCM_KEYS_MAX = 16,
+    TRANSPORT_LCM_NETWORKS_MAX = 32,
+    TRANSPORT_LCM_WINDOW_MS_MIN = 10,
+    TRANSPORT_LCM_WINDOW_MS_MAX = 60000,
+    TRANSPORT_LCM_WINDOW_MS_DEFAULT = 1000,
+};
+
+/// A key that those on an lcm: bus share: 64 to 128 hexadecimal digits in a file that nobody but
+/// its owner may read.
+typedef struct transport_lcm_key {
+    uint32_t    id;   ///< 1 or more; the same for the same key at every end
+    const char* file; ///< path
+} transport_lcm_key;
+
+/// Who is heard on an lcm: bus. With keys only messages are handed out that were signed with one
+/// of them (HMAC-SHA256), lately, and not heard before. All who share a key can speak for each
+/// other; who has none reads signed messages like any others. The format: transport/src/lcm_auth.h.
+typedef struct transport_lcm_auth {
+    const char* const*       allow; ///< source networks such as "10.1.0.0/16"; none: any address
+    uint32_t                 allow_count;
+    const transport_lcm_key* keys;  ///< none: unsigned messages are handed out
+    uint32_t                 key_count;
+    uint32_t                 sign_with; ///< id of the key to sign with; 0: sign nothing
+    uint32_t                 window_ms; ///< [ms] age a message may have, and skew of clocks;
+                                        ///< 0: TRANSPORT_LCM_WINDOW_MS_DEFAULT
+} transport_lcm_auth;
+
 /// What a bus needs beyond its URL. All zero: the defaults. Strings and arrays are copied: they
 /// need to live until transport_open_with() returns.
 typedef struct transport_options {
@@ -54,7 +82,7 @@ typedef struct transport_options {
     const char* const* dds_peers; ///< hosts to look for besides those multicast finds
     uint32_t           dds_peer_count;
     const transport_dds_security*    dds_security; ///< null: clear DDS
-    const struct transport_lcm_auth* lcm_auth;     ///< null: anyone
+    const transport_lcm_auth*        lcm_auth;     ///< null: anyone
     /// The middleware's own complaints, one line each, rate-limited; from any thread. May be null.
     /// log_context lives as long as the bus.
     void (*log)(void* context, const char* line);
@@ -98,6 +126,18 @@ typedef struct transport_message {
     } as;
 } transport_message;
 
+/// Why a message on an lcm: bus with an allow list or keys was not handed out.
+typedef enum transport_refusal {
+    TRANSPORT_ADMITTED = 0, ///< it was
+    TRANSPORT_NOT_ALLOWED,  ///< its source address is not in the allow list
+    TRANSPORT_UNSIGNED,
+    TRANSPORT_UNKNOWN_KEY,  ///< signed with a key id that is not ours
+    TRANSPORT_FORGED,       ///< the signature is not that of this key and these bytes
+    TRANSPORT_UNTIMELY,     ///< sent more than window_ms ago, or from now, by our clock
+    TRANSPORT_REPLAYED,     ///< heard before, or more senders speak at once than can be watched
+    TRANSPORT_REFUSALS,
+} transport_refusal;
+
 typedef struct transport_stats {
     uint64_t received;  ///< messages handed out by transport_drain()
     uint64_t published;
@@ -105,12 +145,18 @@ typedef struct transport_stats {
     uint64_t foreign;   ///< well-formed messages of channels not asked for
     uint64_t dropped;   ///< by the kernel's socket buffer (SO_RXQ_OVFL) or a full loop: queue
     uint64_t errors;    ///< failed sends or receives
+    uint64_t refused[TRANSPORT_REFUSALS]; ///< by transport_refusal
 } transport_stats;
+
+/// "not_allowed", "unsigned", ...
+const char* transport_refusal_name(transport_refusal refusal);
+/// Of all kinds together.
+uint64_t transport_refused(const transport_stats* stats);
 
 /// What transport_open() answers.
 typedef enum transport_result {
     TRANSPORT_OK = 0,
-    TRANSPORT_BAD_URL = -1,     ///< not a URL of ours
+    TRANSPORT_BAD_URL = -1,     ///< not a URL of ours, or options that cannot work
     TRANSPORT_UNAVAILABLE = -2, ///< no such bus now: no multicast route, no interface, no file
 } transport_result;
 

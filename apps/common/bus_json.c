@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 /// The paths of transport_dds_security by name.
 typedef struct path_entry {
@@ -22,7 +23,9 @@ static const path_entry SECURITY[] = {
 enum { SECURITY_COUNT = sizeof SECURITY / sizeof SECURITY[0] };
 
 static bool read_dds(bus_options* self, const json_at* dds);
-static bool read_lcm(const json_at* lcm);
+static bool read_lcm(bus_options* self, const json_at* lcm);
+static bool read_keys(bus_options* self, const json_at* at);
+static void sum_up_files(bus_options* self);
 static bool read_names(const json_at* at, const char** names, uint32_t max, uint32_t* count);
 static bool read_security(bus_options* self, const json_at* at);
 
@@ -43,7 +46,12 @@ bool bus_options_read(bus_options* self, const json_at* of)
     self->transport.dds_peers = self->peers;
     const json_at dds = json_member(of, "dds");
     const json_at lcm = json_member(of, "lcm");
-    return (!json_given(&dds) || read_dds(self, &dds)) && (!json_given(&lcm) || read_lcm(&lcm));
+    if ((json_given(&dds) && !read_dds(self, &dds)) ||
+        (json_given(&lcm) && !read_lcm(self, &lcm))) {
+        return false;
+    }
+    sum_up_files(self);
+    return true;
 }
 
 bool bus_options_load(bus_options* self, const char* path, json_file* file)
@@ -70,6 +78,12 @@ void bus_options_free(bus_options* self)
     for (uint32_t i = 0; i < SECURITY_COUNT; i++) {
         free((void*)(uintptr_t)security_path_of(self, i));
     }
+    for (uint32_t i = 0; i < self->lcm.allow_count; i++) {
+        free((void*)(uintptr_t)self->networks[i]);
+    }
+    for (uint32_t i = 0; i < self->lcm.key_count; i++) {
+        free((void*)(uintptr_t)self->lcm_keys[i].file);
+    }
     memset(self, 0, sizeof *self);
 }
 
@@ -88,13 +102,55 @@ static bool read_dds(bus_options* self, const json_at* dds)
            read_security(self, &security);
 }
 
-static bool read_lcm(const json_at* lcm)
+/// What the addresses and the key files are worth is the transport's to judge.
+static bool read_lcm(bus_options* self, const json_at* lcm)
 {
-    static const char* const KEYS[] = { NULL };
-    return json_expect_object(lcm, KEYS);
+    static const char* const KEYS[] = { "allow", "keys", "sign_with", "window_ms", NULL };
+    if (!json_expect_object(lcm, KEYS)) {
+        return false;
+    }
+    transport_lcm_auth* auth = &self->lcm;
+    auth->allow = self->networks;
+    auth->keys = self->lcm_keys;
+    auth->sign_with = (uint32_t)json_integer_or(lcm, "sign_with", 1, INT32_MAX, 0);
+    auth->window_ms = (uint32_t)json_integer_or(
+        lcm, "window_ms", TRANSPORT_LCM_WINDOW_MS_MIN, TRANSPORT_LCM_WINDOW_MS_MAX,
+        TRANSPORT_LCM_WINDOW_MS_DEFAULT);
+    const json_at allow = json_member(lcm, "allow");
+    const json_at keys = json_member(lcm, "keys");
+    self->transport.lcm_auth = auth;
+    return read_names(&allow, self->networks, TRANSPORT_LCM_NETWORKS_MAX, &auth->allow_count) &&
+           read_keys(self, &keys) && lcm->file->error[0] == '\0';
 }
 
-/// An array of names of interfaces or hosts; absent: none.
+static bool read_keys(bus_options* self, const json_at* at)
+{
+    static const char* const KEYS[] = { "id", "file", NULL };
+    if (!json_given(at)) {
+        return true;
+    }
+    const uint32_t given = json_expect_array(at, 0, TRANSPORT_LCM_KEYS_MAX);
+    const cJSON* node = at->file->error[0] == '\0' ? at->node->child : NULL;
+    for (uint32_t i = 0; i < given && node != NULL; i++, node = node->next) {
+        const json_at key = json_element(at, node, i);
+        const json_at file = json_member(&key, "file");
+        if (!json_expect_object(&key, KEYS)) {
+            return false;
+        }
+        if (json_string(&key, "file")[0] == '\0') {
+            return json_fail(&file, "is not a path, expected the name of a file");
+        }
+        self->lcm_keys[i].id = (uint32_t)json_integer(&key, "id", 1, INT32_MAX);
+        self->lcm_keys[i].file = json_path(&file);
+        if (self->lcm_keys[i].file == NULL) {
+            return json_fail(&file, "out of memory");
+        }
+        self->lcm.key_count = i + 1;
+    }
+    return at->file->error[0] == '\0';
+}
+
+/// An array of names of interfaces, hosts or networks; absent: none.
 static bool read_names(const json_at* at, const char** names, uint32_t max, uint32_t* count)
 {
     if (!json_given(at)) {
@@ -109,7 +165,7 @@ static bool read_names(const json_at* at, const char** names, uint32_t max, uint
         const json_at element = json_element(at, node, i);
         if (!cJSON_IsString(node) || node->valuestring[0] == '\0') {
             return json_fail(&element, "is not a name, expected the name or address of an "
-                                       "interface or host");
+                                       "interface, host or network");
         }
         names[i] = strdup(node->valuestring);
         if (names[i] == NULL) {
@@ -146,6 +202,31 @@ static bool read_security(bus_options* self, const json_at* at)
     return true;
 }
 
+// ---- the files that are named -------------------------------------------------------------
+
+static uint32_t sum_up_file(uint32_t sum, const char* path)
+{
+    struct stat facts;
+    memset(&facts, 0, sizeof facts);
+    if (path == NULL || stat(path, &facts) != 0) {
+        return sum; // whoever opens it says so
+    }
+    const int64_t signs[] = { sum, (int64_t)facts.st_ino, (int64_t)facts.st_size,
+                              (int64_t)facts.st_mtim.tv_sec, (int64_t)facts.st_mtim.tv_nsec };
+    return transport_crc32(signs, sizeof signs);
+}
+
+/// A renewed certificate or key comes under the old name; a reload has to notice.
+static void sum_up_files(bus_options* self)
+{
+    for (uint32_t i = 0; i < SECURITY_COUNT; i++) {
+        self->files_crc32 = sum_up_file(self->files_crc32, security_path_of(self, i));
+    }
+    for (uint32_t i = 0; i < self->lcm.key_count; i++) {
+        self->files_crc32 = sum_up_file(self->files_crc32, self->lcm_keys[i].file);
+    }
+}
+
 // ---- comparing and writing ----------------------------------------------------------------
 
 static bool same_names(const char* const* one, uint32_t count, const char* const* other,
@@ -154,6 +235,22 @@ static bool same_names(const char* const* one, uint32_t count, const char* const
     bool same = count == other_count;
     for (uint32_t i = 0; same && i < count; i++) {
         same = strcmp(one[i], other[i]) == 0;
+    }
+    return same;
+}
+
+static bool same_lcm(const bus_options* self, const bus_options* other)
+{
+    const transport_lcm_auth* mine = &self->lcm;
+    const transport_lcm_auth* theirs = &other->lcm;
+    bool same = (self->transport.lcm_auth == NULL) == (other->transport.lcm_auth == NULL) &&
+                same_names(self->networks, mine->allow_count, other->networks,
+                           theirs->allow_count) &&
+                mine->key_count == theirs->key_count && mine->sign_with == theirs->sign_with &&
+                mine->window_ms == theirs->window_ms;
+    for (uint32_t i = 0; same && i < mine->key_count; i++) {
+        same = mine->keys[i].id == theirs->keys[i].id &&
+               strcmp(mine->keys[i].file, theirs->keys[i].file) == 0;
     }
     return same;
 }
@@ -170,7 +267,7 @@ bool bus_options_same(const bus_options* self, const bus_options* other)
     for (uint32_t i = 0; same && mine->dds_security != NULL && i < SECURITY_COUNT; i++) {
         same = strcmp(security_path_of(self, i), security_path_of(other, i)) == 0;
     }
-    return same;
+    return same && same_lcm(self, other) && self->files_crc32 == other->files_crc32;
 }
 
 static void write_names(FILE* out, const char* key, const char* const* names, uint32_t count)
@@ -183,7 +280,35 @@ static void write_names(FILE* out, const char* key, const char* const* names, ui
     fputs("]", out);
 }
 
+static void write_dds(FILE* out, const bus_options* self);
+static void write_lcm(FILE* out, const bus_options* self);
+
 void bus_options_write(FILE* out, const bus_options* self)
+{
+    write_dds(out, self);
+    if (self->transport.lcm_auth != NULL) {
+        write_lcm(out, self);
+    }
+}
+
+static void write_lcm(FILE* out, const bus_options* self)
+{
+    fputs(",\n  \"lcm\": { ", out);
+    write_names(out, "allow", self->networks, self->lcm.allow_count);
+    fputs(", \"keys\": [", out);
+    for (uint32_t i = 0; i < self->lcm.key_count; i++) {
+        fprintf(out, "%s{ \"id\": %u, \"file\": ", i == 0 ? "" : ", ", self->lcm_keys[i].id);
+        string_write(out, self->lcm_keys[i].file);
+        fputs(" }", out);
+    }
+    fprintf(out, "], \"window_ms\": %u", self->lcm.window_ms);
+    if (self->lcm.sign_with != 0) {
+        fprintf(out, ", \"sign_with\": %u", self->lcm.sign_with);
+    }
+    fputs(" }", out);
+}
+
+static void write_dds(FILE* out, const bus_options* self)
 {
     const transport_options* given = &self->transport;
     if (given->dds_interface_count == 0 && given->dds_peer_count == 0 &&

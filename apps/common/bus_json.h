@@ -4,10 +4,20 @@
 ///     { "dds": { "interfaces": ["eth1"], "peers": ["10.1.0.7"],
 ///                "security": { "identity_ca": PATH, "certificate": PATH, "key": PATH,
 ///                              "permissions_ca": PATH, "governance": PATH, "permissions": PATH } },
-///       "lcm": {} }
+///       "lcm": { "allow": ["10.1.0.0/16"], "keys": [ { "id": 1, "file": PATH } ],
+///                "sign_with": 1, "window_ms": 1000 } }
 ///
 /// Everything is optional; where "security" is given, all six of its paths are. Relative paths
 /// start in the folder of the file that names them. Unknown keys are errors.
+///
+/// | key of "lcm" | unit | range          | default  | meaning                                    |
+/// |--------------|------|----------------|----------|--------------------------------------------|
+/// | `allow`      |      | up to 32       | anybody  | source networks or addresses to hear       |
+/// | `keys`       |      | up to 16       | unsigned | what a message must be signed with; 64 to  |
+/// |              |      |                |          | 128 hexadecimal digits in a file of 0600   |
+/// | `sign_with`  | 1    | 1 .. 2^31 - 1  | nothing  | id of the key that our messages are signed |
+/// |              |      |                |          | with                                       |
+/// | `window_ms`  | ms   | 10 .. 60000    | 1000     | age of a signed message, skew of clocks    |
 ///
 /// Memory      Heap, until bus_options_free(). transport points into the struct: do not copy it.
 #ifndef VERGE_APPS_BUS_JSON_H
@@ -25,6 +35,10 @@ typedef struct bus_options {
     transport_dds_security security;
     const char*            interfaces[BUS_INTERFACES_MAX];
     const char*            peers[BUS_PEERS_MAX];
+    transport_lcm_auth     lcm;
+    const char*            networks[TRANSPORT_LCM_NETWORKS_MAX];
+    transport_lcm_key      lcm_keys[TRANSPORT_LCM_KEYS_MAX];
+    uint32_t               files_crc32; ///< tells when a named file was replaced
 } bus_options;
 
 /// Reads the members "dds" and "lcm" of an object, which may have others. False: reported.
@@ -34,7 +48,7 @@ bool bus_options_read(bus_options* self, const json_at* of);
 bool bus_options_load(bus_options* self, const char* path, json_file* file);
 void bus_options_free(bus_options* self); ///< all zero is fine
 
-/// Do both ask for the same?
+/// Do both ask for the same, and are the files they name the same as when they were read?
 bool bus_options_same(const bus_options* self, const bus_options* other);
 
 /// The members as JSON, each with a comma and a line break before it; nothing where none is given.

@@ -20,7 +20,9 @@ static bool read_text(bus_options* options, const char* text)
 static const char whole[] =
     "{ \"dds\": { \"interfaces\": [\"lo\", \"eth1\"], \"peers\": [\"10.1.0.7\"], \"security\": {"
     "\"identity_ca\": \"a.pem\", \"certificate\": \"/b.pem\", \"key\": \"c\","
-    "\"permissions_ca\": \"d\", \"governance\": \"e\", \"permissions\": \"f\" } }, \"lcm\": {} }";
+    "\"permissions_ca\": \"d\", \"governance\": \"e\", \"permissions\": \"f\" } },"
+    "\"lcm\": { \"allow\": [\"10.1.0.0/16\"], \"keys\": [{ \"id\": 3, \"file\": \"g\" }],"
+    "\"sign_with\": 3, \"window_ms\": 250 } }";
 
 static void test_names_and_paths_are_read_and_paths_start_in_the_files_folder(void** state)
 {
@@ -37,6 +39,13 @@ static void test_names_and_paths_are_read_and_paths_start_in_the_files_folder(vo
     assert_string_equal(t->dds_security->identity_ca, "/etc/site/a.pem");
     assert_string_equal(t->dds_security->certificate, "/b.pem");
     assert_string_equal(t->dds_security->permissions, "/etc/site/f");
+    assert_int_equal(t->lcm_auth->allow_count, 1);
+    assert_string_equal(t->lcm_auth->allow[0], "10.1.0.0/16");
+    assert_int_equal(t->lcm_auth->key_count, 1);
+    assert_int_equal(t->lcm_auth->keys[0].id, 3);
+    assert_string_equal(t->lcm_auth->keys[0].file, "/etc/site/g");
+    assert_int_equal(t->lcm_auth->sign_with, 3);
+    assert_int_equal(t->lcm_auth->window_ms, 250);
     bus_options_free(&options);
 }
 
@@ -58,6 +67,14 @@ static void test_mistakes_are_told_with_their_place(void** state)
         { "{ \"dds\": 1 }", "rsu.json:dds: " },
         { "{ \"dds\": { \"domain\": 1 } }", "domain" },
         { "{ \"lcm\": { \"secret\": 1 } }", "secret" },
+        { "{ \"lcm\": { \"allow\": [7] } }", "lcm.allow[0]: " },
+        { "{ \"lcm\": { \"keys\": {} } }", "lcm.keys: " },
+        { "{ \"lcm\": { \"keys\": [3] } }", "lcm.keys[0]: " },
+        { "{ \"lcm\": { \"keys\": [{ \"file\": \"g\" }] } }", "lcm.keys[0].id: " },
+        { "{ \"lcm\": { \"keys\": [{ \"id\": 0, \"file\": \"g\" }] } }", "lcm.keys[0].id: " },
+        { "{ \"lcm\": { \"keys\": [{ \"id\": 1 }] } }", "lcm.keys[0].file: " },
+        { "{ \"lcm\": { \"sign_with\": 0 } }", "lcm.sign_with: " },
+        { "{ \"lcm\": { \"window_ms\": 9 } }", "lcm.window_ms: " },
         { "{ \"dds\": { \"interfaces\": \"lo\" } }", "dds.interfaces: " },
         { "{ \"dds\": { \"interfaces\": [\"lo\", 3] } }", "dds.interfaces[1]: " },
         { "{ \"dds\": { \"interfaces\": [\"1\",\"2\",\"3\",\"4\",\"5\",\"6\",\"7\",\"8\",\"9\"] } }",
@@ -91,10 +108,36 @@ static void test_what_is_printed_is_the_same_again(void** state)
     assert_true(bus_options_same(&options, &again));
     assert_true(read_text(&other, "{ \"dds\": { \"interfaces\": [\"lo\", \"eth1\"] } }"));
     assert_false(bus_options_same(&options, &other));
+    bus_options_free(&other);
+    assert_true(read_text(&other, "{ \"lcm\": { \"window_ms\": 999 } }"));
+    assert_false(bus_options_same(&options, &other));
     free(text);
     bus_options_free(&options);
     bus_options_free(&again);
     bus_options_free(&other);
+}
+
+static void test_a_replaced_key_file_is_another_configuration(void** state)
+{
+    (void)state;
+    char path[] = "/tmp/verge_test_bus_XXXXXX";
+    close(mkstemp(path));
+    char text[256];
+    snprintf(text, sizeof text, "{ \"lcm\": { \"keys\": [{ \"id\": 1, \"file\": \"%s\" }] } }",
+             path);
+    bus_options before, same, after;
+    assert_true(read_text(&before, text));
+    assert_true(read_text(&same, text));
+    FILE* key = fopen(path, "w");
+    fputs("another", key);
+    fclose(key);
+    assert_true(read_text(&after, text));
+    assert_true(bus_options_same(&before, &same));
+    assert_false(bus_options_same(&before, &after));
+    bus_options_free(&before);
+    bus_options_free(&same);
+    bus_options_free(&after);
+    remove(path);
 }
 
 static void test_a_file_of_options_holds_nothing_else(void** state)
@@ -122,6 +165,7 @@ int main(void)
         cmocka_unit_test(test_what_is_not_given_is_the_default),
         cmocka_unit_test(test_mistakes_are_told_with_their_place),
         cmocka_unit_test(test_what_is_printed_is_the_same_again),
+        cmocka_unit_test(test_a_replaced_key_file_is_another_configuration),
         cmocka_unit_test(test_a_file_of_options_holds_nothing_else),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

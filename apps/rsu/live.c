@@ -5,6 +5,7 @@
 #define _GNU_SOURCE
 #include "live.h"
 
+#include "complaints.h"
 #include "config.h"
 #include "cycle.h"
 #include "log.h"
@@ -52,6 +53,7 @@ typedef struct live {
     uint64_t       bus_errors;   // seen so far
     uint64_t       refusals;     // rx refusals already in the log
     uint64_t       over_capacity; // the same of these alone
+    complaints     complaints;   // of the bus, from whatever thread
     notify         notify;       // the service manager
     status         status;
     cycle          cycle;
@@ -75,6 +77,7 @@ int live_run(const live_options* options)
     static live self; // large, and there is one of it
     memset(&self, 0, sizeof self);
     self.options = options;
+    complaints_init(&self.complaints);
     self.signal_fd = self.cycle_fd = self.status_fd = self.notify.fd = -1;
     const int code = start(&self);
     if (code != 0) {
@@ -166,11 +169,19 @@ static int load(live* self)
     return code == 0 ? 0 : fail(code, error);
 }
 
+/// Opens the bus of a configuration; what it complains of later comes to our log.
+static int open_bus(live* self, transport** bus, const config* config, char* error, size_t size)
+{
+    transport_options options = config->bus_options.transport;
+    options.log = complaints_put;
+    options.log_context = &self->complaints;
+    return transport_open_with(bus, config->bus, TRANSPORT_STATES, &options, error, size);
+}
+
 static int open_ends(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int result = transport_open_with(&self->bus, self->config->bus, TRANSPORT_STATES,
-                                     &self->config->bus_options.transport, error, sizeof error);
+    int result = open_bus(self, &self->bus, self->config, error, sizeof error);
     if (result != TRANSPORT_OK) {
         return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
     }
@@ -231,6 +242,7 @@ static void on_bus(live* self);
 static void on_planned(live* self);
 static void on_tick(live* self);
 static void on_status_due(live* self);
+static void tell_complaints(live* self);
 static void tell_changes(live* self);
 static uint64_t expirations(int timer_fd);
 
@@ -260,6 +272,7 @@ static void loop(live* self)
         on_bus(self);
         on_tick(self);
         on_status_due(self);
+        tell_complaints(self);
         tell_changes(self);
     }
 }
@@ -458,18 +471,29 @@ static void tell_refusals(live* self, const transport_stats* bus)
     const uint64_t refusals = rx->rx_stale + rx->rx_future + rx->rx_duplicate +
                               rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
                               rx->rx_over_capacity + rx->rx_id_conflict + bus->malformed +
-                              bus->dropped;
+                              bus->dropped + transport_refused(bus);
     if (refusals > self->refusals) {
         log_event(LOG_WARNING, "states_refused",
                   "new=%" PRIu64 " stale=%" PRIu64 " future=%" PRIu64 " duplicate=%" PRIu64
                   " out_of_order=%" PRIu64 " out_of_range=%" PRIu64 " off_map=%" PRIu64
                   " over_capacity=%" PRIu64 " id_conflict=%" PRIu64 " malformed=%" PRIu64
-                  " dropped=%" PRIu64,
+                  " dropped=%" PRIu64 " strangers=%" PRIu64,
                   refusals - self->refusals, rx->rx_stale, rx->rx_future, rx->rx_duplicate,
                   rx->rx_out_of_order, rx->rx_out_of_range, rx->rx_off_map, rx->rx_over_capacity,
-                  rx->rx_id_conflict, bus->malformed, bus->dropped);
+                  rx->rx_id_conflict, bus->malformed, bus->dropped, transport_refused(bus));
     }
     self->refusals = refusals;
+}
+
+/// What the bus itself has to say: who was refused and why, what its middleware cannot do.
+static void tell_complaints(live* self)
+{
+    char     line[COMPLAINT_SIZE];
+    uint64_t given_up = 0;
+    while (complaints_take(&self->complaints, line, &given_up)) {
+        log_event(LOG_WARNING, "bus_complaint", "given_up=%" PRIu64 " words=\"%s\"", given_up,
+                  log_words(line));
+    }
 }
 
 /// Sends the status at once when its state or fault is not what was told last.
@@ -549,9 +573,7 @@ static void reload(live* self)
     if (code == 0 && (strcmp(self->next_config->bus, self->config->bus) != 0 ||
                       !bus_options_same(&self->next_config->bus_options,
                                         &self->config->bus_options))) {
-        code = transport_open_with(&self->next_bus, self->next_config->bus, TRANSPORT_STATES,
-                                   &self->next_config->bus_options.transport, error,
-                                   sizeof error);
+        code = open_bus(self, &self->next_bus, self->next_config, error, sizeof error);
     }
     if (code == 0) {
         return;

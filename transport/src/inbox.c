@@ -220,7 +220,8 @@ void inbox_fill_status(const inbox* self, const transport_stats* bus, verge_rsu_
     status->rx_future = capped(counters->rx_future);
     status->rx_duplicate = capped(counters->rx_duplicate);
     status->rx_out_of_order = capped(counters->rx_out_of_order);
-    status->rx_malformed = capped(counters->rx_malformed + bus->malformed);
+    status->rx_malformed =
+        capped(counters->rx_malformed + bus->malformed + transport_refused(bus));
     status->rx_out_of_range = capped(counters->rx_out_of_range);
     status->rx_off_map = capped(counters->rx_off_map);
     status->rx_over_capacity = capped(counters->rx_over_capacity);

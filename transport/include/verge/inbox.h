@@ -124,7 +124,7 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view);
 void inbox_project(verge_vehicle* vehicle, double dt);
 
 /// Writes the eleven rx_ fields of a status, capped at INT32_MAX: the inbox's own and, for
-/// rx_malformed and rx_dropped, the bus's.
+/// rx_malformed and rx_dropped, the bus's; its refused strangers count as malformed.
 void inbox_fill_status(const inbox* self, const transport_stats* bus, verge_rsu_status_t* status);
 
 #ifdef __cplusplus

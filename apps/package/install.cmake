@@ -26,6 +26,9 @@ if(TARGET verge_transport)
     if(VERGE_OPENSSL)
         string(APPEND VERGE_PC_TRANSPORT_LIBS " -lcrypto")
     endif()
+    if(VERGE_DDS)
+        string(APPEND VERGE_PC_TRANSPORT_LIBS " -lddsc")
+    endif()
 endif()
 
 install(EXPORT verge NAMESPACE verge:: FILE vergeTargets.cmake DESTINATION ${VERGE_CMAKE_DIR}
@@ -73,4 +76,7 @@ foreach(pair dev:libverge-dev rsu:verge-rsu tools:verge-tools)
 endforeach()
 
 set(VERGE_DEB_DEV_DEPENDS "liblcm-dev")
+if(VERGE_DDS)
+    string(APPEND VERGE_DEB_DEV_DEPENDS ", cyclonedds-dev")
+endif()
 include(${VERGE_PACKAGE_DIR}/cpack.cmake)

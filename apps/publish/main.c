@@ -87,8 +87,8 @@ static int read_arguments(arguments* args, int argc, char** argv)
     memset(args, 0, sizeof *args);
     args->duration = NAN;
     const option_entry table[] = {
-        { "--bus", "URL", "the bus, such as lcm:udpm://239.255.76.67:7667?ttl=0", &args->bus,
-          NULL },
+        { "--bus", "URL", "the bus, such as lcm:udpm://239.255.76.67:7667?ttl=0 or dds:0",
+          &args->bus, NULL },
         { "--bus-options", "FILE.json", "what the bus needs beyond its URL: {\"dds\", \"lcm\"}",
           &args->bus_options, NULL },
         { "--out", "RUN.jsonl", "writes the run (format verge-run/1) to this file", &args->out,
@@ -129,6 +129,13 @@ static int read_arguments(arguments* args, int argc, char** argv)
 
 static bool print_metrics(const publisher* self);
 
+/// What the bus's middleware complains of; it comes with a rate limit.
+static void print_line(void* context, const char* line)
+{
+    (void)context;
+    fprintf(stderr, "verge-publish: %s\n", line);
+}
+
 /// 0, or the exit status of what one line on standard error has told.
 static int open_bus(publisher* self, const arguments* args)
 {
@@ -139,8 +146,10 @@ static int open_bus(publisher* self, const arguments* args)
         bus_options_free(&options);
         return 2;
     }
-    char error[256];
-    const int opened = transport_open_with(&self->bus, args->bus, TRANSPORT_PLANS,
+    options.transport.log = print_line;
+    char error[512];
+    const int opened = transport_open_with(&self->bus, args->bus,
+                                           TRANSPORT_PLANS | TRANSPORT_SENDS_STATES,
                                            &options.transport, error, sizeof error);
     bus_options_free(&options);
     if (opened == TRANSPORT_OK) {

@@ -172,10 +172,11 @@ static int load(live* self)
 /// Opens the bus of a configuration; what it complains of later comes to our log.
 static int open_bus(live* self, transport** bus, const config* config, char* error, size_t size)
 {
+    const unsigned use = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES;
     transport_options options = config->bus_options.transport;
     options.log = complaints_put;
     options.log_context = &self->complaints;
-    return transport_open_with(bus, config->bus, TRANSPORT_STATES, &options, error, size);
+    return transport_open_with(bus, config->bus, use, &options, error, size);
 }
 
 static int open_ends(live* self)

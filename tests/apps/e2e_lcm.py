@@ -216,7 +216,9 @@ def wrong_options_and_configurations_have_their_exit_codes(rig):
              ({"planner": {"iterations": 0}}, "iterations"), ({"format": "x"}, "format"),
              ({"planner": {"bogus": 1}}, "bogus"), ({"freshness": {"fresh_ms": 1}}, "fresh_ms"),
              ({"freshness": {"fresh_ms": 500, "obstacle_ms": 400}}, "obstacle_ms"),
-             ({"rsu_id": "one"}, "rsu_id"), ({"bus": "dds:0"}, "DDS is not built in yet")]
+             ({"rsu_id": "one"}, "rsu_id"), ({"bus": "dds:231"}, "0 to 230"),
+             ({"dds": {"domain": 1}}, "domain"), ({"lcm": {"bogus": 1}}, "bogus"),
+             ({"dds": {"interfaces": [""]}}, "dds.interfaces[0]")]
     for change, name in wrong:
         code, _, error = rig.run(rsu, "--config", rig.config(**change), "--check-config")
         check(code == 78, f"{change}: exit {code}, expected 78")

@@ -41,7 +41,7 @@ def build_for_aarch64(source, build, arm64):
         ["cmake", "-S", source, "-B", build, "-DCMAKE_BUILD_TYPE=RelWithDebInfo",
          "-DCMAKE_SYSTEM_NAME=Linux", "-DCMAKE_SYSTEM_PROCESSOR=aarch64",
          f"-DCMAKE_C_COMPILER={compiler}gcc", f"-DCMAKE_CXX_COMPILER={compiler}g++",
-         "-DVERGE_BUILD_TESTS=OFF", "-DVERGE_OPENSSL=OFF"],
+         "-DVERGE_BUILD_TESTS=OFF", "-DVERGE_OPENSSL=OFF", "-DVERGE_DDS=OFF"],
         ["cmake", "--build", build, "--target", "verge-rsu", "verge-replay", "-j", "2"]]
     for command in commands:
         done = subprocess.run(command, capture_output=True, text=True, env=environment)

@@ -15,9 +15,14 @@ enum { CHANNEL_SIZE_MAX = 63 };
 /// What one Ethernet frame of 1,500 bytes leaves for a UDP payload over IPv4. [B]
 enum { DATAGRAM_SIZE_MAX = 1472 };
 
+/// The bits of `receive` that ask for messages.
+enum {
+    RECEIVE_MASK = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES | TRANSPORT_MARKS,
+};
+
 /// transport_stats, countable by two threads.
 typedef struct counters {
-    atomic_uint_fast64_t received, published, malformed, foreign, dropped, errors;
+    atomic_uint_fast64_t received, published, malformed, foreign, dropped, errors, lost;
     atomic_uint_fast64_t refused[TRANSPORT_REFUSALS];
 } counters;
 
@@ -59,7 +64,7 @@ typedef struct backend {
     bool keeps_time; ///< send() stores utime: transport_record() makes sense
 } backend;
 
-extern const backend backend_lcm, backend_loop, backend_log;
+extern const backend backend_lcm, backend_loop, backend_log, backend_dds;
 
 /// [us] CLOCK_REALTIME.
 int64_t backend_utime_now(void);

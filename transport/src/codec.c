@@ -49,12 +49,17 @@ size_t codec_size(transport_kind kind)
 
 size_t codec_encode(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX])
 {
+    const size_t size = codec_encode_as_is(kind, value, bytes);
+    codec_put_u32(bytes + size - CRC_SIZE, checksum(bytes, size));
+    return size;
+}
+
+size_t codec_encode_as_is(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX])
+{
     const size_t size = codec_size(kind);
     const int    written = encode_fields(kind, value, bytes, (int)size);
     assert(written == (int)size); // the schema and the sizes in codec.h belong together
     (void)written;
-
-    codec_put_u32(bytes + size - CRC_SIZE, checksum(bytes, size));
     return size;
 }
 
@@ -78,7 +83,7 @@ void codec_prepare(void)
     (void)__verge_rsu_status_t_get_hash();
 }
 
-/// Everything, with the crc32 the caller's struct happens to hold.
+/// Everything, with the crc32 the struct holds.
 static int encode_fields(transport_kind kind, const void* value, uint8_t* bytes, int size)
 {
     switch (kind) {

@@ -26,6 +26,8 @@ size_t codec_size(transport_kind kind);
 
 /// Encodes the struct of this kind with its crc32. Returns codec_size(kind).
 size_t codec_encode(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX]);
+/// The same with the crc32 the struct holds, right or wrong.
+size_t codec_encode_as_is(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX]);
 /// Fills message->kind and message->as. False unless size, fingerprint and crc32 are all right.
 bool codec_decode(transport_kind kind, const uint8_t* bytes, size_t size,
                   transport_message* message);

@@ -111,7 +111,7 @@ static int lcm_open(void** self, const char* rest, unsigned receive,
     made->log_context = options->log_context;
     made->send_fd = sender_open(&to);
     made->receive_fd = -1;
-    const bool wanted = receive != 0;
+    const bool wanted = (receive & RECEIVE_MASK) != 0;
     if (made->send_fd >= 0 && wanted) {
         made->receive_fd = receiver_open(&to);
     }

@@ -27,9 +27,14 @@ struct transport {
 static bool admit(transport* bus, const packet* packet, transport_message* message);
 static int  publish(transport* bus, int64_t utime, transport_kind kind, const void* value);
 
-#define EXPECTED_URL "expected lcm:udpm://ADDRESS:PORT?ttl=N, loop:NAME or log:FILE"
+#define EXPECTED_URL "expected lcm:udpm://ADDRESS:PORT?ttl=N, dds:N, loop:NAME or log:FILE"
 
-static const backend* const backends[] = { &backend_lcm, &backend_loop, &backend_log };
+static const backend* const backends[] = {
+    &backend_lcm, &backend_loop, &backend_log,
+#ifdef VERGE_DDS
+    &backend_dds,
+#endif
+};
 static pthread_once_t       prepared = PTHREAD_ONCE_INIT;
 
 static bool begins_with(const char* url, const char* scheme)
@@ -44,7 +49,7 @@ const char* transport_url_fault(const char* url)
             return NULL;
         }
     }
-    return begins_with(url, "dds:") ? "DDS is not built in yet, " EXPECTED_URL
+    return begins_with(url, "dds:") ? "this build has no DDS (cmake -DVERGE_DDS=ON), " EXPECTED_URL
                                     : "unknown bus, " EXPECTED_URL;
 }
 
@@ -156,6 +161,7 @@ transport_stats transport_statistics(const transport* bus)
         .foreign = atomic_load(&counts->foreign),
         .dropped = atomic_load(&counts->dropped),
         .errors = atomic_load(&counts->errors),
+        .lost = atomic_load(&counts->lost),
     };
     for (int i = 0; i < TRANSPORT_REFUSALS; ++i) {
         stats.refused[i] = atomic_load(&counts->refused[i]);

@@ -8,7 +8,9 @@
 ///     poll(transport_fd(bus)); n = transport_drain(bus, messages, 64);
 ///     transport_publish_plan(bus, &plan);
 ///
-/// Memory      transport_open() allocates, transport_close() frees, nothing between them does.
+/// Memory      transport_open() allocates, transport_close() frees, nothing between them does. But
+///             dds: Cyclone DDS allocates as it likes, in its own threads and in those that publish
+///             and drain; these must not be the planner's.
 /// Threads     Draining and publishing may happen in two threads; each of them in one at a time.
 /// URLs        lcm:URL   an LCM UDP multicast URL, udpm://ADDRESS:PORT?ttl=N&recv_buf_size=N, each
 ///                       part optional as in LCM. One hears one's own messages too; they count
@@ -16,11 +18,16 @@
 ///                       not ours and are refused.
 ///             loop:NAME in process: every open end of one name (which may be empty) hears the
 ///                       others. A full queue gives up its oldest message.
-///             dds:N     is refused: not built in yet.
+///             dds:N     DDS domain N, 0 to 230 (Cyclone DDS), where it was built in. Topics have
+///                       the names of LCM's channels. States and statuses are for whoever is
+///                       there: of each vehicle (each unit) the newest message waits, older ones
+///                       are given up, and the order of different vehicles is not kept. Plans are
+///                       sent again until they arrive or are replaced, for three seconds at most.
 ///             log:FILE  an LCM event log: read, or written when opened with TRANSPORT_RECORD.
 ///                       What is written is in the file at each mark and at close.
 /// Senders     Every message tells who sent it, as far as the bus knows: an LCM sender is its
-///             address and port, a loop: sender its end; a log does not know.
+///             address and port, a DDS sender its writer, a loop: sender its end; a log
+///             does not know.
 /// Losing it   A bus that goes away after it was opened shows in errors and comes back by itself;
 ///             the descriptor stays the same. For that, drain once a second even when nothing
 ///             is waiting.
@@ -81,6 +88,9 @@ typedef struct transport_options {
     uint32_t           dds_interface_count;
     const char* const* dds_peers; ///< hosts to look for besides those multicast finds
     uint32_t           dds_peer_count;
+    /// [ms] 0: none. Asked of every sender of states on dds:, and each lapse is counted and told;
+    /// a sender that does not promise it is not heard.
+    uint32_t           dds_deadline_ms;
     const transport_dds_security*    dds_security; ///< null: clear DDS
     const transport_lcm_auth*        lcm_auth;     ///< null: anyone
     /// The middleware's own complaints, one line each, rate-limited; from any thread. May be null.
@@ -97,12 +107,17 @@ typedef enum transport_kind {
     TRANSPORT_MARK,   ///< VERGE_CYCLE, only in logs written by the daemon: a cycle or overrun mark
 } transport_kind;
 
-/// What to receive (bits); what is not asked for is skipped unseen.
+/// What to receive (bits); what is not asked for is skipped unseen. And what to send.
 enum {
     TRANSPORT_STATES = 1u << TRANSPORT_STATE,
     TRANSPORT_PLANS = 1u << TRANSPORT_PLAN,
     TRANSPORT_STATUSES = 1u << TRANSPORT_STATUS,
     TRANSPORT_MARKS = 1u << TRANSPORT_MARK,
+    /// What will be sent: a bus that has to find its listeners first (dds:) begins at open. What
+    /// is sent without having been announced may not reach anyone the first time.
+    TRANSPORT_SENDS_STATES = 1u << (8 + TRANSPORT_STATE),
+    TRANSPORT_SENDS_PLANS = 1u << (8 + TRANSPORT_PLAN),
+    TRANSPORT_SENDS_STATUSES = 1u << (8 + TRANSPORT_STATUS),
     TRANSPORT_RECORD = 1u << 16, ///< log: only: create the file and write what is published
 };
 
@@ -146,6 +161,7 @@ typedef struct transport_stats {
     uint64_t dropped;   ///< by the kernel's socket buffer (SO_RXQ_OVFL) or a full loop: queue
     uint64_t errors;    ///< failed sends or receives
     uint64_t refused[TRANSPORT_REFUSALS]; ///< by transport_refusal
+    uint64_t lost;      ///< dds: only: senders that left or fell silent, and deadlines missed
 } transport_stats;
 
 /// "not_allowed", "unsigned", ...

@@ -1,0 +1,543 @@
+/// dds: a DDS domain, by Cyclone DDS.
+///
+/// A bus is a participant in a domain of its own making, with our configuration (dds_config.h);
+/// to the network all of them are in the domain of the URL, so that one process may have several
+/// buses in one domain, each with its own interfaces and certificates.
+///
+/// Quality     VERGE_STATE   best effort, the last of each vehicle: a lost state is replaced by the
+///                           next one before it could be sent again.
+///             VERGE_PLAN    reliable, the last for each vehicle, kept as long as it is valid: its
+///                           31 points of 0.1 s. A write waits for nobody longer than 5 ms.
+///             VERGE_STATUS  reliable, the last of each unit, kept for those who come later.
+/// Strangers   Readers have room for INSTANCES_MAX vehicles. Who fills it (or how many vehicles one
+///             long-lived writer has told of) makes the reader be replaced by an empty one, at most
+///             once a second: what waits is lost, as in a full socket, and counted as dropped.
+/// Endings     A vehicle whose plan was cancelled is forgotten by our writer, which otherwise would
+///             keep something of every vehicle that ever passed.
+/// Silence     Writers promise liveliness and a deadline; a sender that leaves or falls silent is
+///             counted and told. What becomes of its vehicle is decided by the age of its state.
+/// Polling     An eventfd, raised by Cyclone's threads when something arrives.
+/// Losing it   Cyclone keeps trying; it says so line by line, which counts as errors.
+#include "backend.h"
+#include "codec.h"
+#include "dds_config.h"
+#include "dds_types.h"
+#include "verge/plan.h"
+
+#include <dds/ddsrt/log.h>
+#include <pthread.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    KINDS = TRANSPORT_STATUS + 1, // array size; TRANSPORT_NONE is unused
+    INSTANCES_MAX = 1024,         // 1.3 MB of plans, 90 KB of states
+    BUSES_MAX = 32,               // of a process
+    LINES_MAX = 5,                // told in a second
+    LINE_SIZE = 256,
+};
+
+/// Cyclone's lines and our own wait here for the thread that drains. A second's first ones are
+/// kept, of the others only how many they were.
+typedef struct notes {
+    char     lines[LINES_MAX][LINE_SIZE];
+    uint32_t count, suppressed;
+    int64_t  next_at_s; ///< [s] monotonic: not told before
+} notes;
+
+typedef struct dds {
+    uint32_t     number;   ///< of the URL
+    uint32_t     local;    ///< of the domain within this process
+    dds_entity_t domain, participant;
+    dds_entity_t topics[KINDS], readers[KINDS], writers[KINDS];
+    uint32_t     deadline_ms; ///< asked of senders of states, 0: none
+    counters*    counts;
+    int          fd;       ///< eventfd
+    uint32_t     turn;     ///< the kind looked at first by the next take()
+    atomic_bool  full;     ///< a reader had no room
+    int64_t      renew_at_s; ///< [s] monotonic: not before
+    void         (*log)(void* context, const char* line);
+    void*        log_context;
+    atomic_bool  noted;    ///< notes wait
+    notes        notes;    ///< guarded by `lock`
+    transport_message taken;
+    uint8_t      bytes[CODEC_SIZE_MAX];
+} dds;
+
+/// Guards the list and the notes of all buses.
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static dds*            buses[BUSES_MAX];
+static pthread_once_t  sink_set = PTHREAD_ONCE_INIT;
+
+/// While a thread opens a bus: where the last of Cyclone's lines goes, as the reason of a failure.
+static _Thread_local char* reason;
+
+static bool enlist(dds* self);
+static void delist(const dds* self);
+static int  domain_open(dds* self, const char* config);
+static int  ends_open(dds* self, unsigned receive);
+static int  reader_open(dds* self, transport_kind kind);
+static int  writer_open(dds* self, transport_kind kind);
+static void readers_renew(dds* self);
+static void sink_install(void);
+static void tell(dds* self, const char* format, ...) __attribute__((format(printf, 2, 3)));
+static void notes_pass_on(dds* self);
+
+static int64_t now_s(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec;
+}
+
+static bool domain_parse(const char* rest, uint32_t* number)
+{
+    char*      end = NULL;
+    const long value = rest[0] >= '0' && rest[0] <= '9' ? strtol(rest, &end, 10) : -1;
+    *number = (uint32_t)value;
+    return value >= 0 && value <= DDS_DOMAIN_MAX && *end == '\0';
+}
+
+static void dds_bus_close(void* self);
+
+static int dds_bus_open(void** self, const char* rest, unsigned receive,
+                        const transport_options* options, counters* counts, char* error,
+                        size_t error_size)
+{
+    *self = NULL;
+    uint32_t number = 0;
+    if (!domain_parse(rest, &number)) {
+        snprintf(error, error_size, "dds:%s: expected dds:N with a domain number of 0 to %d", rest,
+                 DDS_DOMAIN_MAX);
+        return TRANSPORT_BAD_URL;
+    }
+    static _Thread_local char config[DDS_CONFIG_SIZE];
+    if (!dds_config_write(options, number, config, sizeof config, error, error_size)) {
+        return TRANSPORT_UNAVAILABLE;
+    }
+    pthread_once(&sink_set, sink_install);
+    char said[LINE_SIZE] = "";
+    dds* made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        snprintf(error, error_size, "dds:%s: out of memory", rest);
+        return TRANSPORT_UNAVAILABLE;
+    }
+    made->number = number;
+    made->deadline_ms = options->dds_deadline_ms;
+    made->counts = counts;
+    made->log = options->log;
+    made->log_context = options->log_context;
+    made->fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+
+    reason = said;
+    int result = made->fd >= 0 ? domain_open(made, config) : DDS_RETCODE_OUT_OF_RESOURCES;
+    if (result == 0 && !enlist(made)) {
+        result = DDS_RETCODE_OUT_OF_RESOURCES;
+    }
+    if (result == 0) {
+        result = ends_open(made, receive);
+    }
+    reason = NULL;
+    if (result != 0) {
+        snprintf(error, error_size, "dds:%s: %s%s%s; see dds.interfaces, dds.security and the ports "
+                 "%u and up", rest, dds_strretcode(result), said[0] != '\0' ? ": " : "", said,
+                 (unsigned)(7400 + 250 * number));
+        dds_bus_close(made);
+        return TRANSPORT_UNAVAILABLE;
+    }
+    *self = made;
+    return TRANSPORT_OK;
+}
+
+/// Deleting the domain ends its threads, so no listener runs after it.
+static void dds_bus_close(void* self)
+{
+    dds* mine = self;
+    if (mine->domain > 0) {
+        dds_delete(mine->domain);
+    }
+    delist(mine);
+    if (mine->fd >= 0) {
+        close(mine->fd);
+    }
+    free(mine);
+}
+
+static int dds_bus_fd(const void* self)
+{
+    return ((const dds*)self)->fd;
+}
+
+static bool dds_bus_ended(const void* self)
+{
+    (void)self;
+    return false;
+}
+
+// ---- moving messages ----------------------------------------------------------------------
+
+/// One sample of one kind. What is no message (a writer's farewell) is passed over.
+static bool sample_take(dds* self, transport_kind kind, packet* packet)
+{
+    void*             samples[1] = { &self->taken.as };
+    dds_sample_info_t info;
+    for (;;) {
+        const int count = dds_take(self->readers[kind], samples, &info, 1, 1);
+        if (count < 0) {
+            count_up(&self->counts->errors, 1);
+        }
+        if (count <= 0) {
+            return false;
+        }
+        if (info.valid_data) {
+            break;
+        }
+    }
+    packet->utime = 0;
+    packet->sender = info.publication_handle;
+    packet->truncated = false;
+    strcpy(packet->channel, codec_channel(kind));
+    packet->payload = self->bytes;
+    packet->size = codec_encode_as_is(kind, &self->taken.as, self->bytes);
+    return true;
+}
+
+static bool any_take(dds* self, packet* packet)
+{
+    for (uint32_t i = 0; i < KINDS; ++i) {
+        const uint32_t kind = (self->turn + i) % KINDS;
+        if (self->readers[kind] > 0 && sample_take(self, (transport_kind)kind, packet)) {
+            self->turn = kind + 1;
+            return true;
+        }
+    }
+    return false;
+}
+
+/// The descriptor is lowered before the last look: what arrives in between raises it again.
+static take_result dds_bus_take(void* self, packet* packet)
+{
+    dds* mine = self;
+    if (atomic_load(&mine->noted)) {
+        notes_pass_on(mine);
+    }
+    if (any_take(mine, packet)) {
+        return TAKE_PACKET;
+    }
+    if (atomic_load(&mine->full)) {
+        readers_renew(mine);
+    }
+    uint64_t readings;
+    (void)!read(mine->fd, &readings, sizeof readings);
+    return any_take(mine, packet) ? TAKE_PACKET : TAKE_NOTHING;
+}
+
+static int dds_bus_send(void* self, int64_t utime, const char* channel, const uint8_t* payload,
+                        size_t size)
+{
+    (void)utime;
+    dds*                 mine = self;
+    transport_message    message = { 0 }; // Cyclone sends the padding between fields, too
+    const transport_kind kind = codec_kind(channel);
+    if (dds_type_of(kind) == NULL || !codec_decode(kind, payload, size, &message)) {
+        return -1;
+    }
+    if (mine->writers[kind] == 0 && writer_open(mine, kind) != 0) {
+        return -1;
+    }
+    const int result = dds_write(mine->writers[kind], &message.as);
+    if (kind == TRANSPORT_PLAN && message.as.plan.status == VERGE_CANCELLED) {
+        (void)dds_unregister_instance(mine->writers[kind], &message.as);
+    }
+    return result == 0 ? 0 : -1;
+}
+
+// ---- domain and topics --------------------------------------------------------------------
+
+/// A domain can be made once in a process under each number; the second bus gets another number
+/// here, and the same one on the network.
+static int domain_open(dds* self, const char* config)
+{
+    static atomic_uint next = 1000;
+    self->local = self->number;
+    self->domain = dds_create_domain(self->local, config);
+    while (self->domain == DDS_RETCODE_PRECONDITION_NOT_MET) {
+        self->local = atomic_fetch_add(&next, 1);
+        self->domain = dds_create_domain(self->local, config);
+    }
+    if (self->domain < 0) {
+        return self->domain;
+    }
+    self->participant = dds_create_participant(self->local, NULL, NULL);
+    return self->participant < 0 ? self->participant : 0;
+}
+
+static int ends_open(dds* self, unsigned receive)
+{
+    int result = 0;
+    for (uint32_t kind = TRANSPORT_STATE; result == 0 && kind < KINDS; ++kind) {
+        self->topics[kind] =
+            dds_create_topic(self->participant, dds_type_of((transport_kind)kind),
+                             codec_channel((transport_kind)kind), NULL, NULL);
+        result = self->topics[kind] < 0 ? self->topics[kind] : 0;
+        if (result == 0 && (receive & 1u << kind) != 0) {
+            result = reader_open(self, (transport_kind)kind);
+        }
+        if (result == 0 && (receive & 1u << (8 + kind)) != 0) {
+            result = writer_open(self, (transport_kind)kind);
+        }
+    }
+    return result;
+}
+
+/// What both ends of a topic have in common.
+static dds_qos_t* quality_of(transport_kind kind)
+{
+    dds_qos_t* quality = dds_create_qos();
+    dds_qset_history(quality, DDS_HISTORY_KEEP_LAST, 1);
+    if (kind == TRANSPORT_STATE) {
+        dds_qset_reliability(quality, DDS_RELIABILITY_BEST_EFFORT, 0);
+    } else {
+        dds_qset_reliability(quality, DDS_RELIABILITY_RELIABLE, DDS_MSECS(5));
+    }
+    if (kind == TRANSPORT_STATUS) {
+        dds_qset_durability(quality, DDS_DURABILITY_TRANSIENT_LOCAL);
+    }
+    return quality;
+}
+
+static void on_data(dds_entity_t reader, void* self)
+{
+    (void)reader;
+    const uint64_t one = 1;
+    (void)!write(((dds*)self)->fd, &one, sizeof one);
+}
+
+static void on_rejected(dds_entity_t reader, const dds_sample_rejected_status_t status, void* self)
+{
+    dds* mine = self;
+    count_up(&mine->counts->dropped, (uint64_t)(uint32_t)status.total_count_change);
+    atomic_store(&mine->full, true);
+    on_data(reader, self);
+}
+
+static void on_liveliness(dds_entity_t reader, const dds_liveliness_changed_status_t status,
+                          void* self)
+{
+    (void)reader;
+    dds* mine = self;
+    if (status.alive_count_change < 0) {
+        count_up(&mine->counts->lost, (uint64_t)-status.alive_count_change);
+        tell(mine, "a sender of states left or fell silent, %u are there", status.alive_count);
+    }
+}
+
+static void on_deadline(dds_entity_t reader, const dds_requested_deadline_missed_status_t status,
+                        void* self)
+{
+    (void)reader;
+    dds* mine = self;
+    count_up(&mine->counts->lost, (uint64_t)(uint32_t)status.total_count_change);
+    tell(mine, "a vehicle sent no state for %u ms (dds.deadline_ms)", mine->deadline_ms);
+}
+
+static void on_incompatible(dds_entity_t reader,
+                            const dds_requested_incompatible_qos_status_t status, void* self)
+{
+    (void)reader;
+    tell(self, "a sender is not heard, its quality of service does not fit (policy %u%s)",
+         status.last_policy_id, status.last_policy_id == DDS_DEADLINE_QOS_POLICY_ID
+                                    ? ": it promises no deadline as short as dds.deadline_ms" : "");
+}
+
+/// 0 or a return code of Cyclone's.
+static int reader_open(dds* self, transport_kind kind)
+{
+    dds_qos_t*      quality = quality_of(kind);
+    dds_listener_t* listener = dds_create_listener(self);
+    dds_qset_resource_limits(quality, INSTANCES_MAX, INSTANCES_MAX, 1);
+    dds_qset_ignorelocal(quality, DDS_IGNORELOCAL_PARTICIPANT);
+    dds_lset_data_available(listener, on_data);
+    dds_lset_sample_rejected(listener, on_rejected);
+    dds_lset_requested_incompatible_qos(listener, on_incompatible);
+    if (kind == TRANSPORT_STATE) {
+        dds_lset_liveliness_changed(listener, on_liveliness);
+    }
+    if (kind == TRANSPORT_STATE && self->deadline_ms > 0) {
+        dds_qset_deadline(quality, DDS_MSECS((int64_t)self->deadline_ms));
+        dds_lset_requested_deadline_missed(listener, on_deadline);
+    }
+    const dds_entity_t reader =
+        dds_create_reader(self->participant, self->topics[kind], quality, listener);
+    dds_delete_listener(listener);
+    dds_delete_qos(quality);
+    self->readers[kind] = reader > 0 ? reader : 0;
+    return reader < 0 ? reader : 0;
+}
+
+/// 0 or a return code of Cyclone's. Deadlines: a state is due every 0.1 s, a status every second;
+/// five and two of them may be lost. Nobody has to ask for them.
+static int writer_open(dds* self, transport_kind kind)
+{
+    dds_qos_t* quality = quality_of(kind);
+    dds_qset_writer_data_lifecycle(quality, false);
+    dds_qset_liveliness(quality, DDS_LIVELINESS_AUTOMATIC, DDS_SECS(2));
+    switch (kind) {
+    case TRANSPORT_STATE: dds_qset_deadline(quality, DDS_MSECS(500)); break;
+    case TRANSPORT_PLAN: dds_qset_lifespan(quality, DDS_SECS(3)); break;
+    case TRANSPORT_STATUS: dds_qset_deadline(quality, DDS_SECS(3)); break;
+    case TRANSPORT_MARK:
+    case TRANSPORT_NONE: break;
+    }
+    const dds_entity_t writer =
+        dds_create_writer(self->participant, self->topics[kind], quality, NULL);
+    dds_delete_qos(quality);
+    self->writers[kind] = writer > 0 ? writer : 0;
+    return writer < 0 ? writer : 0;
+}
+
+/// Empty readers in the place of full ones. A reader that cannot be made again is tried for at
+/// the next chance.
+static void readers_renew(dds* self)
+{
+    const int64_t now = now_s();
+    if (now < self->renew_at_s) {
+        return;
+    }
+    self->renew_at_s = now + 1;
+    atomic_store(&self->full, false);
+    for (uint32_t kind = TRANSPORT_STATE; kind < KINDS; ++kind) {
+        if (self->readers[kind] == 0) {
+            continue;
+        }
+        dds_delete(self->readers[kind]);
+        if (reader_open(self, (transport_kind)kind) != 0) {
+            count_up(&self->counts->errors, 1);
+            tell(self, "the reader of %s could not be made again", codec_channel((transport_kind)kind));
+        }
+    }
+}
+
+// ---- words --------------------------------------------------------------------------------
+
+static bool enlist(dds* self)
+{
+    bool done = false;
+    pthread_mutex_lock(&lock);
+    for (uint32_t i = 0; i < BUSES_MAX && !done; ++i) {
+        if (buses[i] == NULL) {
+            buses[i] = self;
+            done = true;
+        }
+    }
+    pthread_mutex_unlock(&lock);
+    return done;
+}
+
+static void delist(const dds* self)
+{
+    pthread_mutex_lock(&lock);
+    for (uint32_t i = 0; i < BUSES_MAX; ++i) {
+        if (buses[i] == self) {
+            buses[i] = NULL;
+        }
+    }
+    pthread_mutex_unlock(&lock);
+}
+
+/// Under the lock.
+static void note(dds* self, const char* line)
+{
+    notes* to = &self->notes;
+    if (to->count < LINES_MAX) {
+        snprintf(to->lines[to->count++], LINE_SIZE, "%s", line);
+    } else {
+        to->suppressed += 1;
+    }
+    atomic_store(&self->noted, true);
+}
+
+/// At most once a second. The lines are told without the lock: whoever hears them may take time.
+static void notes_pass_on(dds* self)
+{
+    const int64_t now = now_s();
+    if (now < self->notes.next_at_s) {
+        return;
+    }
+    pthread_mutex_lock(&lock);
+    const notes taken = self->notes;
+    self->notes = (notes){ .next_at_s = now + 1 };
+    atomic_store(&self->noted, false);
+    pthread_mutex_unlock(&lock);
+    if (self->log == NULL) {
+        return;
+    }
+    char line[LINE_SIZE + 64];
+    for (uint32_t i = 0; i < taken.count; ++i) {
+        const bool more = i + 1 == taken.count && taken.suppressed > 0;
+        const int length = snprintf(line, sizeof line, "dds:%u: %s", (unsigned)self->number,
+                              taken.lines[i]);
+        if (more) {
+            snprintf(line + length, sizeof line - (size_t)length, " (and %u lines more)",
+                     (unsigned)taken.suppressed);
+        }
+        self->log(self->log_context, line);
+    }
+}
+
+static void tell(dds* self, const char* format, ...)
+{
+    char    line[LINE_SIZE];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    pthread_mutex_lock(&lock);
+    note(self, line);
+    pthread_mutex_unlock(&lock);
+}
+
+/// Cyclone's own lines: warnings and errors of any thread. Those of no domain in particular go to
+/// every bus.
+static void on_line(void* argument, const dds_log_data_t* data)
+{
+    (void)argument;
+    char         line[LINE_SIZE];
+    const char*  words = data->message + data->hdrsize;
+    const size_t length = strcspn(words, "\n");
+    snprintf(line, sizeof line, "%.*s", (int)length, words);
+    if (reason != NULL) {
+        memcpy(reason, line, sizeof line);
+        return;
+    }
+    pthread_mutex_lock(&lock);
+    for (uint32_t i = 0; i < BUSES_MAX; ++i) {
+        dds* self = buses[i];
+        if (self != NULL && (data->domid == UINT32_MAX || data->domid == self->local)) {
+            count_up(&self->counts->errors, (data->priority & DDS_LC_ERROR) != 0 ? 1 : 0);
+            note(self, line);
+        }
+    }
+    pthread_mutex_unlock(&lock);
+}
+
+static void sink_install(void)
+{
+    dds_set_log_sink(on_line, NULL);
+}
+
+const backend backend_dds = {
+    .scheme = "dds:",
+    .open = dds_bus_open,
+    .close = dds_bus_close,
+    .fd = dds_bus_fd,
+    .ended = dds_bus_ended,
+    .take = dds_bus_take,
+    .send = dds_bus_send,
+    .keeps_time = false,
+};

@@ -1,0 +1,198 @@
+#include "dds_config.h"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/// Text that grows to the end of its room and remembers when it did not fit.
+typedef struct text {
+    char*  bytes;
+    size_t used, room;
+    bool   whole;
+} text;
+
+static void put(text* self, const char* format, ...) __attribute__((format(printf, 2, 3)));
+static void put_escaped(text* self, const char* value);
+static void put_interfaces(text* self, const transport_options* options);
+static void put_discovery(text* self, const transport_options* options, uint32_t domain,
+                          bool theirs);
+static void put_security(text* self, const transport_dds_security* security);
+static bool interface_known(const char* interface, char* names, size_t names_size);
+
+bool dds_config_write(const transport_options* options, uint32_t domain, char* bytes, size_t size,
+                      char* error, size_t error_size)
+{
+    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
+        char names[256];
+        if (!interface_known(options->dds_interfaces[i], names, sizeof names)) {
+            snprintf(error, error_size,
+                     "dds:%u: this machine has no interface \"%.64s\" (dds.interfaces), expected "
+                     "one of:%s", (unsigned)domain, options->dds_interfaces[i], names);
+            return false;
+        }
+    }
+    text        self = { .bytes = bytes, .room = size, .whole = true };
+    const char* environment = getenv("CYCLONEDDS_URI");
+    const bool  theirs = options->dds_interface_count == 0 && environment != NULL &&
+                        environment[0] != '\0';
+    if (theirs) {
+        put(&self, "%s,", environment);
+    }
+    put(&self, "<CycloneDDS><Domain id=\"any\">");
+    if (!theirs) {
+        put_interfaces(&self, options);
+    }
+    put_discovery(&self, options, domain, theirs);
+    // Closing waits this long for listeners that do not acknowledge: a daemon ends within a second.
+    put(&self, "<Internal><WriterLingerDuration>200ms</WriterLingerDuration></Internal>");
+    if (options->dds_security != NULL) {
+        put_security(&self, options->dds_security);
+    }
+    put(&self, "</Domain></CycloneDDS>");
+    if (!self.whole) {
+        snprintf(error, error_size, "dds:%u: names and paths are too long together",
+                 (unsigned)domain);
+    }
+    return self.whole;
+}
+
+static void put(text* self, const char* format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    const size_t left = self->room - self->used;
+    const int    length = vsnprintf(self->bytes + self->used, left, format, arguments);
+    va_end(arguments);
+    if (length < 0 || (size_t)length >= left) {
+        self->whole = false;
+        return;
+    }
+    self->used += (size_t)length;
+}
+
+static void put_escaped(text* self, const char* value)
+{
+    for (; *value != '\0'; ++value) {
+        switch (*value) {
+        case '<': put(self, "&lt;"); break;
+        case '>': put(self, "&gt;"); break;
+        case '&': put(self, "&amp;"); break;
+        case '"': put(self, "&quot;"); break;
+        default: put(self, "%c", *value); break;
+        }
+    }
+}
+
+static bool is_address(const char* interface)
+{
+    struct in_addr address;
+    return inet_pton(AF_INET, interface, &address) == 1;
+}
+
+/// Data by unicast: a plan is for one vehicle, and radio links lose multicasts.
+static void put_interfaces(text* self, const transport_options* options)
+{
+    static const char* const loopback[] = { "lo" };
+    const bool               given = options->dds_interface_count > 0;
+    const char* const*       interfaces = given ? options->dds_interfaces : loopback;
+    const uint32_t           count = given ? options->dds_interface_count : 1;
+    put(self, "<General><Interfaces>");
+    for (uint32_t i = 0; i < count; ++i) {
+        put(self, "<NetworkInterface %s=\"", is_address(interfaces[i]) ? "address" : "name");
+        put_escaped(self, interfaces[i]);
+        put(self, "\"/>");
+    }
+    put(self, "</Interfaces><AllowMulticast>spdp</AllowMulticast></General>");
+}
+
+/// Is the loopback interface among those in use?
+static bool on_loopback(const transport_options* options)
+{
+    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
+        const char* interface = options->dds_interfaces[i];
+        if (strcmp(interface, "lo") == 0 || strncmp(interface, "127.", 4) == 0) {
+            return true;
+        }
+    }
+    return options->dds_interface_count == 0;
+}
+
+/// ExternalDomainId: in this process a domain has a number of its own, see dds.c.
+static void put_discovery(text* self, const transport_options* options, uint32_t domain,
+                          bool theirs)
+{
+    put(self, "<Discovery><ExternalDomainId>%u</ExternalDomainId>", (unsigned)domain);
+    if (!theirs) {
+        put(self, "<ParticipantIndex>auto</ParticipantIndex>"
+                  "<MaxAutoParticipantIndex>31</MaxAutoParticipantIndex>"
+                  "<SPDPInterval>1s</SPDPInterval>");
+    }
+    if (!theirs || options->dds_peer_count > 0) {
+        put(self, "<Peers>");
+    }
+    if (!theirs && on_loopback(options)) {
+        put(self, "<Peer address=\"127.0.0.1\"/>");
+    }
+    for (uint32_t i = 0; i < options->dds_peer_count; ++i) {
+        put(self, "<Peer address=\"");
+        put_escaped(self, options->dds_peers[i]);
+        put(self, "\"/>");
+    }
+    if (!theirs || options->dds_peer_count > 0) {
+        put(self, "</Peers>");
+    }
+    put(self, "</Discovery>");
+}
+
+static void put_file(text* self, const char* element, const char* path)
+{
+    put(self, "<%s>file:", element);
+    put_escaped(self, path);
+    put(self, "</%s>", element);
+}
+
+static void put_security(text* self, const transport_dds_security* security)
+{
+    put(self, "<Security><Authentication><Library path=\"dds_security_auth\" "
+              "initFunction=\"init_authentication\" "
+              "finalizeFunction=\"finalize_authentication\"/>");
+    put_file(self, "IdentityCA", security->identity_ca);
+    put_file(self, "IdentityCertificate", security->certificate);
+    put_file(self, "PrivateKey", security->key);
+    put(self, "</Authentication><AccessControl><Library path=\"dds_security_ac\" "
+              "initFunction=\"init_access_control\" "
+              "finalizeFunction=\"finalize_access_control\"/>");
+    put_file(self, "PermissionsCA", security->permissions_ca);
+    put_file(self, "Governance", security->governance);
+    put_file(self, "Permissions", security->permissions);
+    put(self, "</AccessControl><Cryptographic><Library path=\"dds_security_crypto\" "
+              "initFunction=\"init_crypto\" finalizeFunction=\"finalize_crypto\"/>"
+              "</Cryptographic></Security>");
+}
+
+/// By name or IPv4 address. names gets what there is.
+static bool interface_known(const char* interface, char* names, size_t names_size)
+{
+    struct ifaddrs* all = NULL;
+    bool            known = false;
+    text            list = { .bytes = names, .room = names_size, .whole = true };
+    names[0] = '\0';
+    if (getifaddrs(&all) != 0) {
+        return true; // then Cyclone says what is wrong
+    }
+    for (const struct ifaddrs* one = all; one != NULL; one = one->ifa_next) {
+        if (one->ifa_addr == NULL || one->ifa_addr->sa_family != AF_INET) {
+            continue;
+        }
+        char                      address[INET_ADDRSTRLEN] = "";
+        const struct sockaddr_in* in = (const struct sockaddr_in*)(const void*)one->ifa_addr;
+        (void)inet_ntop(AF_INET, &in->sin_addr, address, sizeof address);
+        known = known || strcmp(interface, one->ifa_name) == 0 || strcmp(interface, address) == 0;
+        put(&list, " %s (%s)", one->ifa_name, address);
+    }
+    freeifaddrs(all);
+    return known;
+}

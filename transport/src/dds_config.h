@@ -1,0 +1,20 @@
+/// The configuration of a DDS domain, in Cyclone DDS's own words, from our options.
+///
+/// Interfaces  Those named. None named: what the environment's CYCLONEDDS_URI says, and without
+///             that the loopback interface alone, so that nothing reaches a network unasked.
+/// Discovery   By multicast where the interface has it, and to each peer named, once a second; data
+///             goes by unicast to those who listen. On loopback the machine itself is a peer:
+///             discovery works there without multicast, too.
+/// Memory      The caller's; nothing is kept. Not for the planning path.
+#ifndef VERGE_DDS_CONFIG_H
+#define VERGE_DDS_CONFIG_H
+
+#include "verge/transport.h"
+
+enum { DDS_CONFIG_SIZE = 16384, DDS_DOMAIN_MAX = 230 }; // the last whose ports are below 65536
+
+/// Writes the configuration of the domain, a text for dds_create_domain(). False: error has a line.
+bool dds_config_write(const transport_options* options, uint32_t domain, char* text, size_t size,
+                      char* error, size_t error_size);
+
+#endif

@@ -1,5 +1,7 @@
 #include "cycle.h"
 
+#include "overrun.h"
+
 #include "verge/wire.h"
 
 #include <assert.h>
@@ -119,6 +121,7 @@ void cycle_plan(cycle* self)
 static void tell_cancelled(cycle* self);
 static void tell_plans(cycle* self);
 static void finish_messages(cycle* self, int64_t number);
+static void count_messages(cycle* self);
 
 void cycle_end(cycle* self)
 {
@@ -141,7 +144,12 @@ static uint32_t index_of(const cycle* self, int32_t vehicle_id)
     return i;
 }
 
-/// Number and count of the cycle's messages follow in finish_messages().
+static int32_t number_on_wire(int64_t number)
+{
+    return (int32_t)(number & INT32_MAX); // wraps after 34 years at 2 Hz
+}
+
+/// The count of the cycle's messages follows in finish_messages().
 static wire_plan_header header_of(const cycle* self, int64_t utime, int64_t state_utime)
 {
     const wire_plan_header header = {
@@ -149,6 +157,7 @@ static wire_plan_header header_of(const cycle* self, int64_t utime, int64_t stat
         .valid_until_utime = utime,
         .state_utime = state_utime,
         .rsu_id = self->def.rsu_id,
+        .cycle = number_on_wire(self->number),
     };
     return header;
 }
@@ -169,11 +178,11 @@ static void tell_cancelled(cycle* self)
 {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < self->planned_count; i++) {
-        const int32_t  id = self->planned_ids[i];
+        const int32_t  id = self->in_force[i].vehicle_id;
         const uint32_t index = index_of(self, id);
         const bool     seen = index < self->view.count;
         if (seen && self->view.vehicles[index].controlled) {
-            self->planned_ids[kept++] = id;
+            self->in_force[kept++] = self->in_force[i];
             continue;
         }
         const int64_t state_utime = seen ? self->view.state_utime[index] : 0;
@@ -204,7 +213,7 @@ static void tell_plans(cycle* self)
             self->utime + (int64_t)(message->point_count - 1) * message->dt_ms * 1000;
         self->counters.plans++;
         self->counters.fallbacks += plan->status != VERGE_PLANNED ? 1 : 0;
-        self->planned_ids[self->planned_count++] = plan->vehicle_id;
+        self->in_force[self->planned_count++] = *message;
     }
 }
 
@@ -212,7 +221,7 @@ void cycle_cancel_all(cycle* self, int64_t number, int64_t utime)
 {
     self->message_count = 0;
     for (uint32_t i = 0; i < self->planned_count; i++) {
-        cancel(self, self->planned_ids[i], utime, 0, VERGE_REASON_NONE);
+        cancel(self, self->in_force[i].vehicle_id, utime, 0, VERGE_REASON_NONE);
     }
     self->planned_count = 0;
     finish_messages(self, number);
@@ -230,7 +239,70 @@ static void finish_messages(cycle* self, int64_t number)
         self->messages[j] = message;
     }
     for (uint32_t i = 0; i < self->message_count; i++) {
-        self->messages[i].cycle = (int32_t)(number & INT32_MAX); // wraps after 34 years at 2 Hz
+        self->messages[i].cycle = number_on_wire(number);
+    }
+    count_messages(self);
+}
+
+static void count_messages(cycle* self)
+{
+    for (uint32_t i = 0; i < self->message_count; i++) {
         self->messages[i].plans_in_cycle = (int32_t)self->message_count;
+    }
+}
+
+// ---- overrun ------------------------------------------------------------------------------
+
+static bool overrun_message(cycle* self, int32_t vehicle_id, int64_t utime,
+                            verge_vehicle_plan_t* message);
+
+void cycle_overrun(cycle* self, int64_t utime)
+{
+    self->message_count = 0;
+    for (uint32_t i = 0; i < self->view.count; i++) {
+        verge_vehicle_plan_t* message = &self->messages[self->message_count];
+        const verge_vehicle*  vehicle = &self->view.vehicles[i];
+        if (vehicle->controlled && overrun_message(self, vehicle->id, utime, message)) {
+            message->reason = VERGE_REASON_OVERRUN;
+            self->message_count++;
+            self->counters.plans++;
+            self->counters.overruns++;
+            self->counters.fallbacks += message->status != VERGE_PLANNED ? 1 : 0;
+        }
+    }
+    count_messages(self);
+}
+
+/// False: there is nothing left of its plan and its states have stopped; once the cycle is over it
+/// is told that its plan is cancelled.
+static bool overrun_message(cycle* self, int32_t vehicle_id, int64_t utime,
+                            verge_vehicle_plan_t* message)
+{
+    uint32_t at = 0;
+    while (at < self->planned_count && self->in_force[at].vehicle_id != vehicle_id) {
+        at++;
+    }
+    if (at < self->planned_count && wire_plan_rest(&self->in_force[at], utime, message)) {
+        return true;
+    }
+    verge_vehicle now;
+    wire_plan_header header = header_of(self, utime, 0);
+    if (!inbox_latest(&self->inbox, vehicle_id, utime, &now, &header.state_utime) ||
+        at == VERGE_CONTROLLED_MAX) {
+        return false;
+    }
+    *message = overrun_brake(&header, &now, verge_planner_road(self->def.planner));
+    self->in_force[at] = *message; // from now on it is this that goes on, or is cancelled
+    self->planned_count += at == self->planned_count ? 1 : 0;
+    return true;
+}
+
+void cycle_retime(cycle* self, int64_t utime)
+{
+    for (uint32_t i = 0; i < self->message_count; i++) {
+        verge_vehicle_plan_t rest;
+        if (wire_plan_rest(&self->messages[i], utime, &rest)) {
+            self->messages[i] = rest;
+        }
     }
 }

@@ -32,6 +32,7 @@ typedef struct cycle_counters {
     uint64_t planned;   ///< cycles that had somebody to plan for
     uint64_t plans;     ///< plan messages made, cancelled ones not counted
     uint64_t fallbacks; ///< of them, fallbacks
+    uint64_t overruns;  ///< of them, made by cycle_overrun()
     uint64_t cancelled; ///< cancelled messages made
     uint64_t unusable;  ///< vehicles left out of a cycle: the planner refuses their values
     uint64_t refused;   ///< cycles the planner refused as a whole: 0 unless we have a defect
@@ -57,7 +58,7 @@ typedef struct cycle {
     verge_vehicle_plan_t messages[CYCLE_MESSAGES_MAX]; ///< to be published, ordered by vehicle id
     uint32_t       message_count;
 
-    int32_t        planned_ids[VERGE_CONTROLLED_MAX];  ///< whose plan is in force, not cancelled
+    verge_vehicle_plan_t in_force[VERGE_CONTROLLED_MAX]; ///< the last plan of each, not cancelled
     uint32_t       planned_count;
 } cycle;
 
@@ -78,7 +79,16 @@ void cycle_plan(cycle* self);
 /// Turns the plan into messages: one for each controlled vehicle, and `cancelled` for each that
 /// does not take part any more.
 void cycle_end(cycle* self);
-/// All three.
+/// At a tick that finds cycle_plan() still at work in another thread: makes one message for each
+/// vehicle being planned for. Its plan in force, elapsed points dropped, as long as two are left;
+/// else, where its state is fresh, overrun_brake(). They carry the cycle and digest of the plan
+/// they come from (a fallback: this cycle, digest 0) and VERGE_REASON_OVERRUN. Plans are not
+/// affected: a recording replays as if there had been no overrun.
+void cycle_overrun(cycle* self, int64_t utime);
+/// After cycle_end() of a cycle that is late: its messages begin at utime instead of at the
+/// cycle's instant, so that they are newer than those of cycle_overrun().
+void cycle_retime(cycle* self, int64_t utime);
+/// cycle_begin(), cycle_plan() and cycle_end().
 void cycle_run(cycle* self, int64_t number, int64_t utime);
 
 /// Makes the messages that end every plan in force, for a daemon that stops. A plan under way in

@@ -1,7 +1,8 @@
 /// A cycle in time: the timer ticks, what waits on the bus is taken in, the snapshot is made and
 /// the worker starts; while it plans, states keep coming in for the next cycle; when it is done
-/// the plans go out. A tick that finds the worker busy is a missed deadline: the plan under way
-/// is still sent, as the newest there is, and the next tick starts a new one.
+/// the plans go out. A tick that finds the worker busy is a missed deadline: it sends what is left
+/// of the last plans, or fallbacks (cycle_overrun()); the plan under way is still sent when it is
+/// ready, from its first point that is not over, and the next tick starts a new one.
 #define _GNU_SOURCE
 #include "live.h"
 
@@ -322,21 +323,22 @@ static void record_message(live* self, int64_t utime, const transport_message* m
     }
 }
 
-static void record_mark(live* self, bool overrun)
+static void record_mark(live* self, int64_t utime, bool overrun)
 {
     transport_message message;
     memset(&message, 0, sizeof message);
     message.kind = TRANSPORT_MARK;
-    message.as.mark.utime = self->cycle.utime;
+    message.as.mark.utime = utime;
     message.as.mark.cycle = self->cycle.number;
     message.as.mark.overrun = overrun ? 1 : 0;
-    record_message(self, self->cycle.utime, &message);
+    record_message(self, utime, &message);
 }
 
 // ---- a cycle ------------------------------------------------------------------------------
 
 static void install_next(live* self);
 static void send_messages(live* self);
+static void send_overrun(live* self);
 
 static void plan_job(void* arg)
 {
@@ -358,7 +360,7 @@ static void on_tick(live* self)
                   self->cycle.number, self->config->cycle_ms, self->status.deadline_misses);
     }
     if (busy) {
-        self->late = true;
+        send_overrun(self);
         return;
     }
     if (self->options->cycles > 0 && self->cycle_count >= self->options->cycles) {
@@ -370,8 +372,18 @@ static void on_tick(live* self)
     self->begun = clock_us(CLOCK_MONOTONIC);
     self->late = false;
     cycle_begin(&self->cycle, self->cycle_count++, clock_us(CLOCK_REALTIME));
-    record_mark(self, false);
+    record_mark(self, self->cycle.utime, false);
     worker_start(self->worker, plan_job, &self->cycle);
+}
+
+/// The tick's messages all the same: what is left of the last plans, or fallbacks.
+static void send_overrun(live* self)
+{
+    const int64_t utime = clock_us(CLOCK_REALTIME);
+    self->late = true;
+    record_mark(self, utime, true);
+    cycle_overrun(&self->cycle, utime);
+    send_messages(self);
 }
 
 static void on_planned(live* self)
@@ -381,6 +393,9 @@ static void on_planned(live* self)
     }
     const cycle_counters before = self->cycle.counters;
     cycle_end(&self->cycle);
+    if (self->late) {
+        cycle_retime(&self->cycle, clock_us(CLOCK_REALTIME));
+    }
     send_messages(self);
     const int64_t now = clock_us(CLOCK_MONOTONIC);
     timing_add(&self->status.cycle_time, now - self->begun);
@@ -388,9 +403,6 @@ static void on_planned(live* self)
         notify_send(&self->notify, "WATCHDOG=1");
     }
     self->status.heard = self->cycle.view.count > 0;
-    if (self->late) {
-        record_mark(self, true);
-    }
     const cycle_counters* counters = &self->cycle.counters;
     if (counters->refused > before.refused) {
         status_fault(&self->status, RSU_FAULT_PLANNER, now, false);

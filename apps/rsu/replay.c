@@ -184,7 +184,7 @@ static void tell_difference(replay* self, uint64_t recorded_digest, bool count_d
 static void on_mark(replay* self, const transport_mark* mark)
 {
     if (mark->overrun != 0) {
-        return; // tells that the cycle's plan came late; what was planned is the same
+        return; // tells that the cycle was late; what was planned is the same
     }
     // The plans of the cycle before have all passed by now.
     if (self->ran && self->beside != self->cycle.plan.vehicle_count) {
@@ -195,7 +195,8 @@ static void on_mark(replay* self, const transport_mark* mark)
 
 static void on_plan(replay* self, const verge_vehicle_plan_t* plan)
 {
-    if (!self->ran || plan->status == VERGE_CANCELLED ||
+    // What went out at an overrun is no plan of its own.
+    if (!self->ran || plan->status == VERGE_CANCELLED || plan->reason == VERGE_REASON_OVERRUN ||
         plan->cycle != (int32_t)(self->cycle.number & INT32_MAX)) {
         return;
     }

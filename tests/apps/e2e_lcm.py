@@ -29,6 +29,7 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 URL = "udpm://239.255.76.67:7667?ttl=0"
 GROUP = ("239.255.76.67", 7667)
 CANCELLED = 3
+OVERRUN = 6 # a reason
 
 # Two straight lanes of 2 km.
 ROAD = {"lanes": [
@@ -115,10 +116,14 @@ class Bus:
     def __init__(self, url=URL):
         self.lcm = lcm.LCM(url)
         self.plans, self.statuses = [], []
-        self.lcm.subscribe("VERGE_PLAN", lambda _, data: self.plans.append(
+        self.overruns = [] # what goes out when a cycle is late: on a busy machine, or on purpose
+        self.lcm.subscribe("VERGE_PLAN", lambda _, data: self.on_plan(
             (time.time(), verge.vehicle_plan_t.decode(data), data)))
         self.lcm.subscribe("VERGE_STATUS", lambda _, data: self.statuses.append(
             (time.time(), verge.rsu_status_t.decode(data), data)))
+
+    def on_plan(self, heard):
+        (self.overruns if heard[1].reason == OVERRUN else self.plans).append(heard)
 
     def send(self, state):
         state.crc32 = 0
@@ -308,6 +313,8 @@ def one_plan_a_vehicle_a_cycle_and_it_replays_to_the_same_digests(rig):
 
 def judge_plans(bus, vehicles):
     """Every plan message by itself, against what its vehicle said of itself."""
+    in_time = sum(plan.point_count == 31 for _, plan, _ in bus.plans)
+    check(in_time > 0.8 * len(bus.plans), f"only {in_time} of {len(bus.plans)} plans in time")
     by_id = {vehicle.number: vehicle for vehicle in vehicles}
     for arrival, plan, data in bus.plans:
         check(len(data) + 8 + len("VERGE_PLAN") + 1 <= 1472, "one datagram")
@@ -316,6 +323,8 @@ def judge_plans(bus, vehicles):
         check(plan.rsu_id == 5 and plan.status in (0, 1, 2), f"status {plan.status}")
         check(0 < plan.point_count <= 31 and 0 < plan.action_count <= 10, "counts")
         check(plan.valid_until_utime > plan.utime, "valid for a while")
+        if plan.point_count < 31:
+            continue # it was late: it begins where it still holds
         check(0 <= plan.utime - plan.state_utime <= 300000, "from a fresh state")
         check(abs(arrival * 1e6 - plan.utime) < 2e6, "of now")
         vehicle = by_id[plan.vehicle_id]
@@ -587,7 +596,8 @@ def enter_network():
              ["in_network.sh", sys.executable, *sys.argv])
 
 
-def main():
+def main(cases):
+    """Runs the cases in a private network. Other files with cases on an LCM bus call it, too."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--bin", required=True)
     parser.add_argument("--lcm-python")
@@ -606,7 +616,7 @@ def main():
         global lcm, verge
         import lcm
         import verge
-        for case in CASES:
+        for case in cases:
             if args.only not in case.__name__:
                 continue
             began = time.monotonic()
@@ -624,4 +634,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(CASES))

@@ -6,6 +6,7 @@
 #include "rng.h"
 
 #include "rsu/cycle.h"
+#include "rsu/overrun.h"
 #include "rsu/replay.h"
 #include "rsu/timing.h"
 
@@ -532,6 +533,232 @@ static void test_the_pool_runs_every_task_once_and_waits_for_it(void** state)
     assert_null(executor_create(0));
 }
 
+// ---- overruns -------------------------------------------------------------------------------
+
+enum { TOLD = 3 }; // vehicles 0, 1 and 3 ask for plans; 2 does not
+
+static void hear_all(unit* self, double t)
+{
+    for (int32_t id = 0; id < 4; id++) {
+        assert_true(hear(self, id, t, id != 2));
+    }
+}
+
+/// A cycle at 0.05 s that was in time, one at 0.55 s whose planning is still under way.
+static unit* unit_late(verge_vehicle_plan_t planned[TOLD])
+{
+    unit* self = unit_start();
+    hear_all(self, 0.0);
+    run_at(self, 0.05);
+    assert_int_equal(self->cycle.message_count, TOLD);
+    memcpy(planned, self->cycle.messages, TOLD * sizeof planned[0]);
+    hear_all(self, 0.5);
+    cycle_begin(&self->cycle, 1, instant(0.55));
+    return self;
+}
+
+static void test_an_overrun_sends_what_is_left_of_each_plan_point_for_point(void** state)
+{
+    (void)state;
+    static const struct { double t; int32_t dropped; } CASES[] = {
+        { 1.05, 10 }, { 1.149, 10 }, { 1.15, 11 }, { 2.94, 28 }, { 2.95, 29 },
+    };
+    static verge_vehicle_plan_t planned[TOLD];
+    unit* self = unit_late(planned);
+    for (size_t c = 0; c < sizeof CASES / sizeof CASES[0]; c++) {
+        const int32_t dropped = CASES[c].dropped;
+        cycle_overrun(&self->cycle, instant(CASES[c].t));
+        assert_int_equal(self->cycle.message_count, TOLD);
+        for (uint32_t i = 0; i < TOLD; i++) {
+            const verge_vehicle_plan_t* rest = &self->cycle.messages[i];
+            const verge_vehicle_plan_t* from = &planned[i];
+            assert_null(wire_plan_check(rest));
+            assert_int_equal(rest->vehicle_id, from->vehicle_id);
+            assert_true(rest->utime == from->utime + dropped * 100000);
+            assert_true(rest->utime <= instant(CASES[c].t));
+            assert_true(rest->valid_until_utime == from->valid_until_utime);
+            assert_int_equal(rest->point_count, from->point_count - dropped);
+            assert_memory_equal(rest->points, from->points + dropped,
+                                (size_t)rest->point_count * sizeof rest->points[0]);
+            assert_int_equal(rest->cycle, 0);
+            assert_true(rest->digest == from->digest && rest->state_utime == from->state_utime);
+            assert_int_equal(rest->status, from->status);
+            assert_int_equal(rest->reason, VERGE_REASON_OVERRUN);
+            assert_int_equal(rest->plans_in_cycle, TOLD);
+            // The lights and the words at an instant are those of the whole plan.
+            const verge_plan_action_t* now = wire_action_at(rest, rest->utime);
+            const verge_plan_action_t* then = wire_action_at(from, rest->utime);
+            assert_true(now != NULL && now->action == then->action && now->lane == then->lane);
+            assert_int_equal(now->t0_ms, 0);
+            const verge_plan_action_t* last = &rest->actions[rest->action_count - 1];
+            assert_int_equal(last->t1_ms + dropped * 100,
+                             from->actions[from->action_count - 1].t1_ms);
+        }
+    }
+    assert_int_equal(self->cycle.counters.overruns, TOLD * 5);
+    unit_end(self);
+}
+
+static void test_where_no_plan_is_left_an_overrun_brakes_from_the_newest_state(void** state)
+{
+    (void)state;
+    static verge_vehicle_plan_t planned[TOLD];
+    unit* self = unit_late(planned);
+    hear_all(self, 3.0);
+    assert_true(hear(self, 1, 3.04, true)); // its newest
+    const uint64_t fallbacks = self->cycle.counters.fallbacks;
+    cycle_overrun(&self->cycle, instant(3.06));
+    assert_int_equal(self->cycle.message_count, TOLD);
+    assert_int_equal(self->cycle.counters.fallbacks, fallbacks + TOLD);
+    for (uint32_t i = 0; i < TOLD; i++) {
+        const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
+        assert_null(wire_plan_check(plan));
+        assert_int_equal(plan->status, VERGE_FALLBACK_BRAKE);
+        assert_int_equal(plan->reason, VERGE_REASON_OVERRUN);
+        assert_int_equal(plan->cycle, 1); // the one that is late
+        assert_true(plan->digest == 0 && plan->utime == instant(3.06));
+        assert_true(plan->state_utime == instant(plan->vehicle_id == 1 ? 3.04 : 3.0));
+        const verge_vehicle_state_t now = state_at(plan->vehicle_id, 3.06, true);
+        CHECK_NEAR(plan->points[0].x, now.x, 1e-6);
+        CHECK_NEAR(plan->points[0].y, now.y, 1e-6);
+        CHECK_NEAR((double)plan->points[0].speed, 12.0, 1e-6);
+        CHECK_NEAR((double)plan->points[30].speed, 3.9, 0.2); // 3 m/s^2 after the jerk's ramp
+        assert_int_equal(plan->actions[0].brake_light, 1);
+        for (int32_t k = 1; k < plan->point_count; k++) {
+            const verge_plan_point_t *a = &plan->points[k - 1], *b = &plan->points[k];
+            const double way = 0.05 * (double)(a->speed + b->speed);
+            CHECK_NEAR(b->x - a->x, way, 1e-4);
+            CHECK_NEAR(b->y, now.y, 1e-6);
+            assert_true(b->speed < a->speed && (double)b->acceleration >= -3.0 - 1e-6);
+        }
+    }
+    // The next overrun goes on with it, so that a vehicle brakes once and not anew each time.
+    cycle_overrun(&self->cycle, instant(3.56));
+    assert_int_equal(self->cycle.message_count, TOLD);
+    assert_true(self->cycle.messages[0].utime == instant(3.56));
+    assert_int_equal(self->cycle.messages[0].point_count, 26);
+    // And stopping cancels it.
+    cycle_cancel_all(&self->cycle, 2, instant(3.6));
+    assert_int_equal(self->cycle.message_count, TOLD);
+    unit_end(self);
+}
+
+static void test_a_newcomer_brakes_and_a_silent_vehicle_is_left_to_its_cancellation(void** state)
+{
+    (void)state;
+    unit* self = unit_start();
+    assert_true(hear(self, 0, 0.0, true));
+    run_at(self, 0.05);
+    assert_true(hear(self, 0, 0.5, true));
+    assert_true(hear(self, 1, 0.5, true)); // never planned before
+    cycle_begin(&self->cycle, 1, instant(0.55));
+    cycle_overrun(&self->cycle, instant(0.75));
+    assert_int_equal(self->cycle.message_count, 2);
+    assert_int_equal(message_for(self, 0)->status, VERGE_PLANNED);
+    assert_int_equal(message_for(self, 1)->status, VERGE_FALLBACK_BRAKE);
+    cycle_overrun(&self->cycle, instant(4.0)); // both plans are over, nobody has spoken since
+    assert_int_equal(self->cycle.message_count, 0);
+    cycle_plan(&self->cycle);
+    cycle_end(&self->cycle);
+    run_at(self, 4.1);
+    assert_int_equal(message_for(self, 0)->status, VERGE_CANCELLED);
+    assert_int_equal(message_for(self, 1)->status, VERGE_CANCELLED);
+    unit_end(self);
+}
+
+static void test_who_is_across_its_lane_turns_along_it_while_it_brakes(void** state)
+{
+    (void)state;
+    unit* self = unit_start();
+    verge_vehicle now = verge_vehicle_default();
+    now.id = 5;
+    now.x = 100.0;
+    now.y = 1.0;
+    now.heading = 0.12;
+    now.speed = 10.0;
+    now.acceleration = -2.0;
+    const wire_plan_header header = { .utime = instant(1.0), .state_utime = instant(0.9) };
+    const verge_road* road = verge_planner_road(self->planner);
+    verge_vehicle_plan_t plan = overrun_brake(&header, &now, road);
+    assert_null(wire_plan_check(&plan));
+    CHECK_NEAR((double)plan.points[0].heading, 0.12, 1e-6);
+    CHECK_NEAR((double)plan.points[30].heading, 0.0, 1e-6);
+    assert_int_equal(plan.actions[0].lane, 0);
+    for (int32_t k = 1; k < plan.point_count; k++) {
+        const verge_plan_point_t *a = &plan.points[k - 1], *b = &plan.points[k];
+        const double way = hypot(b->x - a->x, b->y - a->y);
+        // It goes where it points, and turns as it says.
+        CHECK_NEAR(atan2(b->y - a->y, b->x - a->x),
+                   0.5 * (double)(a->heading + b->heading), way > 0.0 ? 0.01 : 10.0);
+        CHECK_NEAR((double)(b->heading - a->heading), (double)a->curvature * way, 0.01);
+        assert_true(b->y < 1.875 && b->y >= 1.0); // it stays in its lane
+    }
+    assert_true(plan.points[30].speed < 2.0f);
+
+    now.y = 40.0; // on no lane: straight ahead
+    plan = overrun_brake(&header, &now, road);
+    assert_null(wire_plan_check(&plan));
+    assert_int_equal(plan.actions[0].lane, VERGE_NO_LANE);
+    CHECK_NEAR((double)plan.points[30].heading, 0.12, 1e-6);
+    now.x = 598.0; // the road's end: straight on
+    now.y = 0.0;
+    now.heading = 0.0;
+    plan = overrun_brake(&header, &now, road);
+    assert_null(wire_plan_check(&plan));
+    assert_true(plan.points[30].x > 605.0);
+    now.speed = 0.0; // it stands
+    plan = overrun_brake(&header, &now, road);
+    assert_null(wire_plan_check(&plan));
+    assert_true(plan.points[30].x == plan.points[0].x);
+    unit_end(self);
+}
+
+static void test_a_late_plan_begins_with_its_first_point_that_is_not_over(void** state)
+{
+    (void)state;
+    static verge_vehicle_plan_t planned[TOLD];
+    unit* self = unit_late(planned);
+    cycle_overrun(&self->cycle, instant(1.05));
+    const int64_t told = self->cycle.messages[0].utime;
+    cycle_plan(&self->cycle);
+    cycle_end(&self->cycle);
+    static verge_vehicle_plan_t whole[TOLD];
+    memcpy(whole, self->cycle.messages, sizeof whole);
+    cycle_retime(&self->cycle, instant(1.27));
+    for (uint32_t i = 0; i < TOLD; i++) {
+        const verge_vehicle_plan_t* late = &self->cycle.messages[i];
+        assert_null(wire_plan_check(late));
+        assert_true(late->utime == instant(1.25) && late->utime > told);
+        assert_memory_equal(late->points, whole[i].points + 7, sizeof late->points[0]);
+        assert_int_equal(late->cycle, 1);
+        assert_true(late->digest == whole[i].digest && late->reason == whole[i].reason);
+    }
+    unit_end(self);
+}
+
+static void test_overruns_do_not_change_a_plan(void** state)
+{
+    (void)state;
+    unit* in_time = unit_start();
+    unit* late = unit_start();
+    for (int k = 0; k < 8; k++) {
+        const double t = 0.5 * k;
+        hear_all(in_time, t);
+        hear_all(late, t);
+        run_at(in_time, t + 0.05);
+        cycle_begin(&late->cycle, k, instant(t + 0.05));
+        for (int n = 0; n <= k; n++) {
+            cycle_overrun(&late->cycle, instant(t + 0.1 + n));
+        }
+        cycle_plan(&late->cycle);
+        cycle_end(&late->cycle);
+        assert_true(in_time->cycle.plan.digest == late->cycle.plan.digest);
+        assert_int_equal(in_time->cycle.message_count, late->cycle.message_count);
+    }
+    unit_end(in_time);
+    unit_end(late);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -547,6 +774,12 @@ int main(void)
         cmocka_unit_test(test_bad_messages_change_nothing_for_anyone),
         cmocka_unit_test(test_each_refusal_is_counted_by_its_name),
         cmocka_unit_test(test_states_go_in_and_plans_come_out_over_a_bus),
+        cmocka_unit_test(test_an_overrun_sends_what_is_left_of_each_plan_point_for_point),
+        cmocka_unit_test(test_where_no_plan_is_left_an_overrun_brakes_from_the_newest_state),
+        cmocka_unit_test(test_a_newcomer_brakes_and_a_silent_vehicle_is_left_to_its_cancellation),
+        cmocka_unit_test(test_who_is_across_its_lane_turns_along_it_while_it_brakes),
+        cmocka_unit_test(test_a_late_plan_begins_with_its_first_point_that_is_not_over),
+        cmocka_unit_test(test_overruns_do_not_change_a_plan),
         cmocka_unit_test(test_the_ring_of_cycle_times_gives_the_nearest_rank),
         cmocka_unit_test(test_the_pool_runs_every_task_once_and_waits_for_it),
     };

@@ -207,6 +207,17 @@ static void test_a_recorded_replay_replays_to_the_same_digests(void** state)
     config_free(config);
 }
 
+/// What goes out when a cycle is late and no plan is left.
+static void log_fallback(transport* log, int32_t number, int64_t utime)
+{
+    const wire_plan_header header = { .utime = utime, .cycle = number };
+    static transport_message message;
+    message.kind = TRANSPORT_PLAN;
+    message.as.plan = wire_plan_cancelled(&header, 0, VERGE_REASON_OVERRUN);
+    message.as.plan.status = VERGE_FALLBACK_BRAKE;
+    assert_int_equal(transport_record(log, utime, &message), 0);
+}
+
 /// Copies marked.log, with a change at one cycle's plans.
 static void copy_changed(const char* name, int64_t cycle, bool drop)
 {
@@ -228,8 +239,10 @@ static void copy_changed(const char* name, int64_t cycle, bool drop)
             batch[i].as.plan.digest ^= here && !drop ? 1 : 0;
             assert_int_equal(transport_record(to, batch[i].arrival_utime, &batch[i]), 0);
             if (batch[i].kind == TRANSPORT_MARK) { // and each cycle came late, it says
+                const int64_t number = batch[i].as.mark.cycle;
                 batch[i].as.mark.overrun = 1;
                 assert_int_equal(transport_record(to, batch[i].arrival_utime, &batch[i]), 0);
+                log_fallback(to, (int32_t)number, batch[i].arrival_utime + 1000);
             }
         }
     }

@@ -178,6 +178,22 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view)
     }
 }
 
+bool inbox_latest(const inbox* self, int32_t id, int64_t utime, verge_vehicle* vehicle,
+                  int64_t* state_utime)
+{
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        const inbox_slot* slot = &self->slots[i];
+        const double      age = slot->used ? age_ms(&slot->state, utime) : 0.0;
+        if (slot->used && slot->state.vehicle_id == id && age <= self->limits.fresh_ms) {
+            *vehicle = wire_vehicle_from_state(&slot->state);
+            *state_utime = slot->state.utime;
+            inbox_project(vehicle, age / 1000.0);
+            return true;
+        }
+    }
+    return false;
+}
+
 /// Along the arc of constant yaw rate; the chord of an arc points along its middle heading. The
 /// chord's length is taken as the arc's: at 3 rad/s and 0.3 s the difference is below 1 %.
 void inbox_project(verge_vehicle* vehicle, double dt)

@@ -5,6 +5,7 @@
 #include <float.h>
 #include <math.h>
 #include <stdint.h>
+#include <string.h>
 
 /// A heading of +pi as a float is 9e-8 above pi; clients may round once more.
 #define HEADING_MAX (3.14159265358979323846 + 1e-6)
@@ -195,6 +196,41 @@ verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t
         .reason = (int16_t)reason,
         .digest = (int64_t)header->digest,
     };
+}
+
+bool wire_plan_rest(const verge_vehicle_plan_t* plan, int64_t utime, verge_vehicle_plan_t* rest)
+{
+    assert(wire_plan_check(plan) == NULL);
+
+    const int64_t dt_us = (int64_t)plan->dt_ms * 1000;
+    const bool    begun = plan->dt_ms > 0 && utime > plan->utime;
+    const int64_t elapsed = begun ? (utime - plan->utime) / dt_us : 0;
+    if (plan->status == VERGE_CANCELLED || elapsed > plan->point_count - 2) {
+        return false;
+    }
+    const int32_t points = (int32_t)elapsed;
+    const int32_t ms = points * plan->dt_ms;
+    *rest = *plan;
+    rest->utime += elapsed * dt_us;
+    rest->point_count -= points;
+    memmove(rest->points, rest->points + points,
+            (size_t)rest->point_count * sizeof rest->points[0]);
+    memset(rest->points + rest->point_count, 0, (size_t)points * sizeof rest->points[0]);
+
+    int32_t done = 0; // the last action holds to the end, even where its time is over
+    while (done + 1 < rest->action_count && rest->actions[done].t1_ms <= ms) {
+        done++;
+    }
+    rest->action_count -= done;
+    memmove(rest->actions, rest->actions + done,
+            (size_t)rest->action_count * sizeof rest->actions[0]);
+    memset(rest->actions + rest->action_count, 0, (size_t)done * sizeof rest->actions[0]);
+    for (int32_t i = 0; i < rest->action_count; ++i) {
+        verge_plan_action_t* action = &rest->actions[i];
+        action->t0_ms = action->t0_ms > ms ? action->t0_ms - ms : 0;
+        action->t1_ms = action->t1_ms > ms ? action->t1_ms - ms : 0;
+    }
+    return true;
 }
 
 uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,

@@ -120,6 +120,10 @@ typedef struct inbox_view {
 /// then by id. Forgets what is older than drop_ms. Every cancellation is told exactly once.
 void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view);
 
+/// The state held of one vehicle, projected to an instant, when it is fresh then. Changes nothing.
+bool inbox_latest(const inbox* self, int32_t id, int64_t utime, verge_vehicle* vehicle,
+                  int64_t* state_utime);
+
 /// A vehicle's motion from its own instant to dt [s] later (or, dt < 0, earlier).
 void inbox_project(verge_vehicle* vehicle, double dt);
 

@@ -125,7 +125,8 @@ enum {
 typedef struct transport_mark {
     int64_t utime;    ///< [us] plan instant
     int64_t cycle;
-    int32_t overrun;  ///< 1: this cycle's plan came too late and was replaced
+    int32_t overrun;  ///< 1: at utime this cycle was still being planned; what was left of the
+                      ///< plans before it went out (messages with VERGE_REASON_OVERRUN)
 } transport_mark;
 
 /// A received, decoded message. Its crc32 was right; its values are not checked yet (wire.h).

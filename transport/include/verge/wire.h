@@ -64,6 +64,11 @@ verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
 verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t vehicle_id,
                                          verge_reason reason);
 
+/// What is left of a checked plan at an instant: elapsed points and actions are dropped, none is
+/// added or changed, so t = 0 moves to the last point at or before utime, and valid_until_utime
+/// stays. False, *rest untouched: fewer than two points are left, or the plan is cancelled.
+bool wire_plan_rest(const verge_vehicle_plan_t* plan, int64_t utime, verge_vehicle_plan_t* rest);
+
 /// The trajectory of a checked plan message. t from dt_ms, jerk from the accelerations (the last
 /// point has none). Returns how many, at most VERGE_POINTS_MAX; 0 for a cancelled plan.
 uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,

@@ -56,9 +56,37 @@ if(NOT VERGE_BUILD_APPS)
 endif()
 
 # --- the programs and their data ---------------------------------------------------------------
-install(TARGETS verge-rsu RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT rsu)
-install(TARGETS verge-plan verge-sim verge-publish verge-replay verge-bench verge-experiment
-    RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools)
+# The operator's programs come with the daemon.
+set(VERGE_PROGRAMS_rsu verge-rsu)
+set(VERGE_PROGRAMS_tools verge-plan verge-sim verge-publish verge-replay verge-bench
+    verge-experiment)
+set(VERGE_PAGES_rsu verge-rsu.json.5 verge.7)
+set(VERGE_PAGES_tools verge-scenario.5)
+foreach(component rsu tools)
+    install(TARGETS ${VERGE_PROGRAMS_${component}} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR}
+        COMPONENT ${component})
+    foreach(program ${VERGE_PROGRAMS_${component}})
+        install(FILES apps/completion/verge.bash RENAME ${program}
+            DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+            COMPONENT ${component})
+        file(GLOB page RELATIVE ${PROJECT_SOURCE_DIR}/apps/man apps/man/${program}.[18])
+        list(APPEND VERGE_PAGES_${component} ${page})
+    endforeach()
+    # Without a name and an instant inside (gzip -n), the same page makes the same bytes.
+    foreach(page ${VERGE_PAGES_${component}})
+        string(REGEX MATCH "[0-9]$" section ${page})
+        add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/man/${page}.gz
+            COMMAND sh -c "gzip -9n <\"$1\" >\"$2\"" gzip
+                ${PROJECT_SOURCE_DIR}/apps/man/${page} ${CMAKE_BINARY_DIR}/man/${page}.gz
+            DEPENDS apps/man/${page} VERBATIM)
+        list(APPEND VERGE_GZIPPED_PAGES ${CMAKE_BINARY_DIR}/man/${page}.gz)
+        install(FILES ${CMAKE_BINARY_DIR}/man/${page}.gz
+            DESTINATION ${CMAKE_INSTALL_MANDIR}/man${section} COMPONENT ${component})
+    endforeach()
+endforeach()
+file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/man)
+add_custom_target(verge-man ALL DEPENDS ${VERGE_GZIPPED_PAGES})
+install(DIRECTORY apps/schema DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT rsu)
 install(DIRECTORY apps/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT tools
     FILES_MATCHING PATTERN *.json)
 

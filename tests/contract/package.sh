@@ -43,6 +43,17 @@ if grep -rlF -e "$source_dir" -e "$work" "$work/root"; then
     fail "the files above name the place they were built at"
 fi
 
+for program in "$work"/root/usr/bin/*; do
+    name=${program##*/}
+    page=$(find "$work/root/usr/share/man" -name "$name.[18].gz")
+    [ -n "$page" ] && gzip -t "$page" || fail "$name has no manual page"
+    [ -f "$work/root/usr/share/bash-completion/completions/$name" ] || fail "$name: no completion"
+    programs="${programs:-} $name"
+done
+# Every program that is built is in a package.
+(cd "$build_dir/bin" && printf ' %s' verge-*) | diff - <(printf '%s' "$programs") ||
+    fail "built and packaged programs differ"
+
 # The daemon from there, as a unit would run it.
 config=$work/root/etc/verge/rsu.json
 bin=$work/root/usr/bin

@@ -62,7 +62,7 @@ def check_completion(program, told):
 
 
 def check_faults():
-    faults = re.findall(r"RSU_FAULT_(\w+) = (\d+)", (ROOT / "apps/rsu/status.h").read_text())
+    faults = re.findall(r"RSU_FAULT_(\w+) = (\d+),", (ROOT / "apps/rsu/status.h").read_text())
     assert len(faults) >= 7, faults
     page = (ROOT / "apps/man/verge.7").read_text()
     told = re.findall(r"^\.It (\d+) , Cm (\w+)$", page, re.MULTILINE)

@@ -1,0 +1,343 @@
+#include "dds_security.h"
+
+#include "secret.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+/// Where trouble is told: the field and its path come first.
+typedef struct report {
+    char*       error;
+    size_t      size;
+    const char* field;
+    const char* path;
+} report;
+
+static bool fail(const report* to, const char* format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+static bool fail(const report* to, const char* format, ...)
+{
+    const int named =
+        snprintf(to->error, to->size, "dds.security.%s: %s: ", to->field, to->path);
+    if (named > 0 && (size_t)named < to->size) {
+        va_list args;
+        va_start(args, format);
+        vsnprintf(to->error + named, to->size - (size_t)named, format, args);
+        va_end(args);
+    }
+    return false;
+}
+
+/// The private key's descriptor, or -1.
+static int key_open(const report* to)
+{
+    const int named = snprintf(to->error, to->size, "dds.security.%s: ", to->field);
+    return secret_open(to->path, to->error + named, to->size - (size_t)named);
+}
+
+#ifdef VERGE_OPENSSL
+#include <ctype.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/pkcs7.h>
+#include <openssl/x509.h>
+#include <openssl/x509v3.h>
+#include <time.h>
+
+/// What was read, to be freed together.
+typedef struct papers {
+    X509 *    identity_ca, *certificate, *permissions_ca;
+    EVP_PKEY* key;
+    BIO *     governance, *permissions; ///< the documents' text, once verified
+} papers;
+
+static bool papers_check(papers* self, const transport_dds_security* files, char* error,
+                         size_t error_size);
+static bool certificate_read(X509** certificate, const report* to);
+static bool key_read(EVP_PKEY** key, const report* to);
+static bool document_read(BIO** text, X509* authority, const report* to);
+static bool grant_check(BIO* permissions, X509* certificate, const report* to);
+
+bool dds_security_check(const transport_dds_security* files, char* error, size_t error_size)
+{
+    papers     self = { .key = NULL };
+    const bool good = papers_check(&self, files, error, error_size);
+    X509_free(self.identity_ca);
+    X509_free(self.certificate);
+    X509_free(self.permissions_ca);
+    EVP_PKEY_free(self.key);
+    BIO_free(self.governance);
+    BIO_free(self.permissions);
+    ERR_clear_error();
+    return good;
+}
+
+static bool papers_check(papers* self, const transport_dds_security* files, char* error,
+                         size_t error_size)
+{
+    const report identity_ca = { error, error_size, "identity_ca", files->identity_ca };
+    const report certificate = { error, error_size, "certificate", files->certificate };
+    const report key = { error, error_size, "key", files->key };
+    const report permissions_ca = { error, error_size, "permissions_ca", files->permissions_ca };
+    const report governance = { error, error_size, "governance", files->governance };
+    const report permissions = { error, error_size, "permissions", files->permissions };
+
+    if (!key_read(&self->key, &key) || !certificate_read(&self->identity_ca, &identity_ca) ||
+        !certificate_read(&self->certificate, &certificate)) {
+        return false;
+    }
+    if (X509_check_private_key(self->certificate, self->key) != 1) {
+        return fail(&certificate, "does not belong to the private key %s, expected the "
+                                  "certificate made for it", files->key);
+    }
+    if (X509_check_issued(self->identity_ca, self->certificate) != X509_V_OK ||
+        X509_verify(self->certificate, X509_get0_pubkey(self->identity_ca)) != 1) {
+        return fail(&certificate, "is not signed by the authority %s, expected a certificate "
+                                  "of its own", files->identity_ca);
+    }
+    return certificate_read(&self->permissions_ca, &permissions_ca) &&
+           document_read(&self->governance, self->permissions_ca, &governance) &&
+           document_read(&self->permissions, self->permissions_ca, &permissions) &&
+           grant_check(self->permissions, self->certificate, &permissions);
+}
+
+// ---- certificates and keys ----------------------------------------------------------------
+
+static BIO* file_open(const report* to)
+{
+    BIO* file = BIO_new_file(to->path, "r");
+    if (file == NULL) {
+        fail(to, "cannot be read, expected a file this user may read");
+    }
+    return file;
+}
+
+/// "Nov 21 15:17:40 2026 GMT"
+static void time_write(const ASN1_TIME* at, char text[64])
+{
+    BIO* out = BIO_new(BIO_s_mem());
+    int  size = 0;
+    if (out != NULL && ASN1_TIME_print(out, at) == 1) {
+        size = BIO_read(out, text, 63);
+    }
+    text[size > 0 ? size : 0] = '\0';
+    BIO_free(out);
+}
+
+static bool certificate_read(X509** certificate, const report* to)
+{
+    BIO* file = file_open(to);
+    if (file == NULL) {
+        return false;
+    }
+    *certificate = PEM_read_bio_X509(file, NULL, NULL, NULL);
+    BIO_free(file);
+    if (*certificate == NULL) {
+        return fail(to, "is no certificate, expected one in PEM (-----BEGIN CERTIFICATE-----)");
+    }
+    char when[64];
+    if (X509_cmp_current_time(X509_get0_notBefore(*certificate)) > 0) {
+        time_write(X509_get0_notBefore(*certificate), when);
+        return fail(to, "is not valid before %s, expected a valid one: set this machine's clock "
+                        "or renew it", when);
+    }
+    if (X509_cmp_current_time(X509_get0_notAfter(*certificate)) < 0) {
+        time_write(X509_get0_notAfter(*certificate), when);
+        return fail(to, "has expired on %s, expected a valid one: renew it", when);
+    }
+    return true;
+}
+
+static bool key_read(EVP_PKEY** key, const report* to)
+{
+    static char no_passphrase[] = ""; // null would ask for one on the terminal
+    const int   fd = key_open(to);
+    if (fd < 0) {
+        return false;
+    }
+    BIO* file = BIO_new_fd(fd, BIO_CLOSE);
+    if (file == NULL) {
+        close(fd);
+        return fail(to, "out of memory");
+    }
+    *key = PEM_read_bio_PrivateKey(file, NULL, NULL, no_passphrase);
+    BIO_free(file);
+    return *key != NULL || fail(to, "is no private key, expected one in PEM without a passphrase");
+}
+
+// ---- signed documents ---------------------------------------------------------------------
+
+/// text: the document without its signature.
+static bool document_read(BIO** text, X509* authority, const report* to)
+{
+    BIO* file = file_open(to);
+    if (file == NULL) {
+        return false;
+    }
+    BIO*        content = NULL;
+    PKCS7*      signature = SMIME_read_PKCS7(file, &content);
+    X509_STORE* trusted = X509_STORE_new();
+    bool        good = false;
+    *text = BIO_new(BIO_s_mem());
+    if (signature == NULL || content == NULL) {
+        fail(to, "is no signed document, expected S/MIME as `openssl smime -sign` makes it");
+    } else if (*text == NULL || trusted == NULL || X509_STORE_add_cert(trusted, authority) != 1) {
+        fail(to, "out of memory");
+    } else if (PKCS7_verify(signature, NULL, trusted, content, *text, 0) != 1) {
+        const char* cause = ERR_reason_error_string(ERR_peek_last_error());
+        fail(to, "is not signed by dds.security.permissions_ca or was changed since (%s), expected "
+                 "a document of that authority", cause != NULL ? cause : "no reason given");
+    } else {
+        good = true;
+    }
+    X509_STORE_free(trusted);
+    PKCS7_free(signature);
+    BIO_free(content);
+    BIO_free(file);
+    return good;
+}
+
+/// The text between <element> and its end, at or after *at; *at moves behind it.
+static bool element_find(const char** at, const char* element, char* value, size_t size)
+{
+    char open[32], end[32];
+    snprintf(open, sizeof open, "<%s>", element);
+    snprintf(end, sizeof end, "</%s>", element);
+    const char* from = strstr(*at, open);
+    const char* to = from != NULL ? strstr(from, end) : NULL;
+    if (to == NULL) {
+        return false;
+    }
+    from += strlen(open);
+    const size_t length = (size_t)(to - from) < size ? (size_t)(to - from) : size - 1;
+    memcpy(value, from, length);
+    value[length] = '\0';
+    *at = to + strlen(end);
+    return true;
+}
+
+/// "O = verge, CN = rsu" in the order and spacing it happens to have: its parts, each without
+/// blanks around itself and its '='. Returns how many, at most max.
+static size_t subject_split(char* text, char** parts, size_t max)
+{
+    size_t count = 0;
+    char*  rest = NULL;
+    for (char* part = strtok_r(text, ",", &rest); part != NULL && count < max;
+         part = strtok_r(NULL, ",", &rest)) {
+        char* to = part;
+        bool  name = true; // left of the '='
+        part += strspn(part, " \t\r\n");
+        parts[count++] = to;
+        for (; *part != '\0'; ++part) {
+            const bool blank = isspace((unsigned char)*part) != 0;
+            if (!(blank && (name || to[-1] == '='))) {
+                *to++ = *part;
+            }
+            name = name && *part != '=';
+        }
+        while (to > parts[count - 1] && isspace((unsigned char)to[-1])) {
+            --to;
+        }
+        *to = '\0';
+    }
+    return count;
+}
+
+static bool subjects_equal(const char* one, const char* other)
+{
+    enum { SIZE = 512, PARTS = 16 };
+    char  mine[SIZE], theirs[SIZE];
+    char *my_parts[PARTS], *their_parts[PARTS];
+    snprintf(mine, sizeof mine, "%s", one);
+    snprintf(theirs, sizeof theirs, "%s", other);
+    const size_t count = subject_split(mine, my_parts, PARTS);
+    size_t       same = 0;
+    if (subject_split(theirs, their_parts, PARTS) != count) {
+        return false;
+    }
+    for (size_t i = 0; i < count; ++i) {
+        for (size_t j = 0; j < count; ++j) {
+            if (strcmp(my_parts[i], their_parts[j]) == 0) {
+                same += 1;
+                break;
+            }
+        }
+    }
+    return same == count;
+}
+
+/// Seconds since 1970 of "2026-11-21T15:17:40Z", with or without the Z. False: no such instant.
+static bool instant_parse(const char* text, time_t* instant)
+{
+    struct tm   parts = { .tm_isdst = 0 };
+    const char* end = strptime(text, "%Y-%m-%dT%H:%M:%S", &parts);
+    *instant = end != NULL ? timegm(&parts) : 0;
+    return end != NULL;
+}
+
+/// What the permissions grant to others is their business.
+static bool grant_check(BIO* permissions, X509* certificate, const report* to)
+{
+    char  subject[512] = "", granted[512] = "", before[40], after[40];
+    char* bytes = NULL;
+    (void)BIO_write(permissions, "", 1); // a terminator
+    (void)BIO_get_mem_data(permissions, &bytes);
+    BIO* name = BIO_new(BIO_s_mem());
+    if (name != NULL) {
+        X509_NAME_print_ex(name, X509_get_subject_name(certificate), 0, XN_FLAG_RFC2253);
+        const int size = BIO_read(name, subject, sizeof subject - 1);
+        subject[size > 0 ? size : 0] = '\0';
+        BIO_free(name);
+    }
+    const char* at = bytes;
+    bool        found = false;
+    while (!found && element_find(&at, "subject_name", granted, sizeof granted)) {
+        found = subjects_equal(subject, granted);
+    }
+    if (!found) {
+        return fail(to, "grants \"%.100s\" something but \"%.100s\", the certificate's subject, "
+                        "nothing: expected the permissions made for it", granted, subject);
+    }
+    time_t from, until;
+    if (!element_find(&at, "not_before", before, sizeof before) ||
+        !element_find(&at, "not_after", after, sizeof after) || !instant_parse(before, &from) ||
+        !instant_parse(after, &until)) {
+        return fail(to, "has no readable validity for \"%s\", expected not_before and not_after",
+                    subject);
+    }
+    const time_t now = time(NULL);
+    if (now < from || now > until) {
+        return fail(to, "grants from %s to %s, expected today among it: renew it", before, after);
+    }
+    return true;
+}
+
+#else
+
+bool dds_security_check(const transport_dds_security* files, char* error, size_t error_size)
+{
+    const report key = { error, error_size, "key", files->key };
+    const int    fd = key_open(&key);
+    if (fd < 0) {
+        return false;
+    }
+    close(fd);
+    const report others[] = {
+        { error, error_size, "identity_ca", files->identity_ca },
+        { error, error_size, "certificate", files->certificate },
+        { error, error_size, "permissions_ca", files->permissions_ca },
+        { error, error_size, "governance", files->governance },
+        { error, error_size, "permissions", files->permissions },
+    };
+    for (size_t i = 0; i < sizeof others / sizeof others[0]; ++i) {
+        if (access(others[i].path, R_OK) != 0) {
+            return fail(&others[i], "cannot be read, expected a file this user may read");
+        }
+    }
+    return true;
+}
+
+#endif

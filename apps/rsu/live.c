@@ -6,7 +6,6 @@
 #define _GNU_SOURCE
 #include "live.h"
 
-#include "complaints.h"
 #include "config.h"
 #include "cycle.h"
 #include "log.h"
@@ -54,7 +53,6 @@ typedef struct live {
     uint64_t       bus_errors;   // seen so far
     uint64_t       refusals;     // rx refusals already in the log
     uint64_t       over_capacity; // the same of these alone
-    complaints     complaints;   // of the bus, from whatever thread
     notify         notify;       // the service manager
     status         status;
     cycle          cycle;
@@ -78,7 +76,6 @@ int live_run(const live_options* options)
     static live self; // large, and there is one of it
     memset(&self, 0, sizeof self);
     self.options = options;
-    complaints_init(&self.complaints);
     self.signal_fd = self.cycle_fd = self.status_fd = self.notify.fd = -1;
     const int code = start(&self);
     if (code != 0) {
@@ -170,20 +167,28 @@ static int load(live* self)
     return code == 0 ? 0 : fail(code, error);
 }
 
+/// What a bus itself has to say: who was refused and why, what its middleware cannot do.
+static void log_complaint(void* context, const char* line)
+{
+    (void)context;
+    char words[384];
+    snprintf(words, sizeof words, "%s", line);
+    log_event(LOG_WARNING, "bus_complaint", "words=\"%s\"", log_words(words));
+}
+
 /// Opens the bus of a configuration; what it complains of later comes to our log.
-static int open_bus(live* self, transport** bus, const config* config, char* error, size_t size)
+static int open_bus(transport** bus, const config* config, char* error, size_t size)
 {
     const unsigned use = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES;
     transport_options options = config->bus_options.transport;
-    options.log = complaints_put;
-    options.log_context = &self->complaints;
+    options.log = log_complaint;
     return transport_open_with(bus, config->bus, use, &options, error, size);
 }
 
 static int open_ends(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int result = open_bus(self, &self->bus, self->config, error, sizeof error);
+    int result = open_bus(&self->bus, self->config, error, sizeof error);
     if (result != TRANSPORT_OK) {
         return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
     }
@@ -244,7 +249,6 @@ static void on_bus(live* self);
 static void on_planned(live* self);
 static void on_tick(live* self);
 static void on_status_due(live* self);
-static void tell_complaints(live* self);
 static void tell_changes(live* self);
 static uint64_t expirations(int timer_fd);
 
@@ -274,7 +278,6 @@ static void loop(live* self)
         on_bus(self);
         on_tick(self);
         on_status_due(self);
-        tell_complaints(self);
         tell_changes(self);
     }
 }
@@ -498,17 +501,6 @@ static void tell_refusals(live* self, const transport_stats* bus)
     self->refusals = refusals;
 }
 
-/// What the bus itself has to say: who was refused and why, what its middleware cannot do.
-static void tell_complaints(live* self)
-{
-    char     line[COMPLAINT_SIZE];
-    uint64_t given_up = 0;
-    while (complaints_take(&self->complaints, line, &given_up)) {
-        log_event(LOG_WARNING, "bus_complaint", "given_up=%" PRIu64 " words=\"%s\"", given_up,
-                  log_words(line));
-    }
-}
-
 /// Sends the status at once when its state or fault is not what was told last.
 static void tell_changes(live* self)
 {
@@ -586,7 +578,7 @@ static void reload(live* self)
     if (code == 0 && (strcmp(self->next_config->bus, self->config->bus) != 0 ||
                       !bus_options_same(&self->next_config->bus_options,
                                         &self->config->bus_options))) {
-        code = open_bus(self, &self->next_bus, self->next_config, error, sizeof error);
+        code = open_bus(&self->next_bus, self->next_config, error, sizeof error);
     }
     if (code == 0) {
         return;

@@ -21,6 +21,7 @@
 #include "backend.h"
 #include "codec.h"
 #include "dds_config.h"
+#include "dds_security.h"
 #include "dds_types.h"
 #include "verge/plan.h"
 
@@ -116,6 +117,10 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
                  DDS_DOMAIN_MAX);
         return TRANSPORT_BAD_URL;
     }
+    if (options->dds_security != NULL &&
+        !dds_security_check(options->dds_security, error, error_size)) {
+        return TRANSPORT_BAD_URL;
+    }
     static _Thread_local char config[DDS_CONFIG_SIZE];
     if (!dds_config_write(options, number, config, sizeof config, error, error_size)) {
         return TRANSPORT_UNAVAILABLE;
@@ -143,12 +148,18 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
         result = ends_open(made, receive);
     }
     reason = NULL;
+    const bool forbidden = result == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY;
+    if (forbidden && said[0] == '\0') {
+        snprintf(said, sizeof said, "%.160s does not grant what this program publishes and hears",
+                 options->dds_security->permissions);
+    }
     if (result != 0) {
         snprintf(error, error_size, "dds:%s: %s%s%s; see dds.interfaces, dds.security and the ports "
                  "%u and up", rest, dds_strretcode(result), said[0] != '\0' ? ": " : "", said,
                  (unsigned)(7400 + 250 * number));
         dds_bus_close(made);
-        return TRANSPORT_UNAVAILABLE;
+        // What the papers do not allow today they will not allow at the next try.
+        return forbidden ? TRANSPORT_BAD_URL : TRANSPORT_UNAVAILABLE;
     }
     *self = made;
     return TRANSPORT_OK;

@@ -93,8 +93,8 @@ typedef struct transport_options {
     uint32_t           dds_deadline_ms;
     const transport_dds_security*    dds_security; ///< null: clear DDS
     const transport_lcm_auth*        lcm_auth;     ///< null: anyone
-    /// The middleware's own complaints, one line each, rate-limited; from any thread. May be null.
-    /// log_context lives as long as the bus.
+    /// Complaints of the bus or its middleware, one line each, rate-limited; from within
+    /// transport_drain(). May be null. log_context lives as long as the bus.
     void (*log)(void* context, const char* line);
     void* log_context;
 } transport_options;

@@ -10,10 +10,12 @@
 #include "cycle.h"
 #include "log.h"
 #include "notify.h"
+#include "realtime.h"
 #include "status.h"
 #include "worker.h"
 
 #include "common/executor.h"
+#include "common/floating.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -47,6 +49,8 @@ typedef struct live {
     int            signal_fd, cycle_fd, status_fd;
     int64_t        cycle_count;  // cycles begun
     int64_t        begun;        // [us] monotonic, of the running cycle
+    bool           corrected;    // the floating-point mode, in the running cycle
+    bool           correction_told;
     bool           late;         // a tick came while the running cycle was planning
     rsu_state      told_state;   // in the last status message
     rsu_fault      told_fault;
@@ -90,6 +94,7 @@ int live_run(const live_options* options)
 
 static int  load(live* self);
 static int  open_ends(live* self);
+static void block_signals(void);
 static int  open_descriptors(live* self);
 static void open_notify(live* self);
 static int  fail(int code, const char* line);
@@ -97,6 +102,7 @@ static void arm(int timer_fd, uint32_t period_ms);
 
 static int start(live* self)
 {
+    block_signals(); // before the first thread: all of them inherit it
     int code = load(self);
     if (code == 0) {
         code = open_ends(self);
@@ -138,17 +144,33 @@ static void open_notify(live* self)
     }
 }
 
-/// Starts the helpers a configuration asks for. False: the system refuses them.
-static bool pool_start(executor** pool, const config* config)
+/// Starts the helpers a configuration asks for. Returns 0, or EXIT_OS with a line in error.
+static int pool_start(executor** pool, const config* config, char error[CONFIG_ERROR_SIZE])
 {
-    *pool = config->planner.threads > 1 ? executor_create(config->planner.threads) : NULL;
-    return *pool != NULL || config->planner.threads <= 1;
+    const uint32_t threads = config->planner.threads;
+    *pool = threads > 1 ? executor_create_with(threads, &config->service.planning) : NULL;
+    if (*pool != NULL || threads <= 1) {
+        return 0;
+    }
+    realtime_explain(&config->service, errno, error, CONFIG_ERROR_SIZE);
+    return EXIT_OS;
 }
 
 static void open_log(const live* self)
 {
     const log_format* asked = self->options->log_format;
     log_setup(asked != NULL ? *asked : self->config->service.log_format);
+}
+
+/// Once: what does it to us once does it again.
+static void tell_correction(live* self, const char* when)
+{
+    if (!self->correction_told) {
+        self->correction_told = true;
+        log_event(LOG_WARNING, "floating_corrected",
+                  "when=%s words=\"something in this process had changed rounding or switched "
+                  "subnormal numbers off, as libraries built with -Ofast do\"", when);
+    }
 }
 
 static int load(live* self)
@@ -159,11 +181,15 @@ static int load(live* self)
         return fail(code, error);
     }
     open_log(self);
-    if (!pool_start(&self->pool, self->config)) {
-        return fail(EXIT_OS, "planner.threads: the system refused to start a thread");
+    if (self->options->floating_corrected) {
+        tell_correction(self, "start");
     }
-    code = config_planner_build(&self->planner, self->config,
-                                self->pool != NULL ? executor_run : NULL, self->pool, error);
+    realtime_prepare(&self->config->service);
+    code = pool_start(&self->pool, self->config, error);
+    if (code == 0) {
+        code = config_planner_build(&self->planner, self->config,
+                                    self->pool != NULL ? executor_run : NULL, self->pool, error);
+    }
     return code == 0 ? 0 : fail(code, error);
 }
 
@@ -204,24 +230,41 @@ static int open_ends(live* self)
     return result == TRANSPORT_OK ? 0 : fail(EXIT_OS, error);
 }
 
-static int open_descriptors(live* self)
+/// Those the loop answers.
+static sigset_t own_signals(void)
 {
     sigset_t signals;
     sigemptyset(&signals);
     sigaddset(&signals, SIGTERM);
     sigaddset(&signals, SIGINT);
     sigaddset(&signals, SIGHUP);
+    return signals;
+}
+
+static void block_signals(void)
+{
+    const sigset_t signals = own_signals();
     sigprocmask(SIG_BLOCK, &signals, NULL);
     signal(SIGPIPE, SIG_IGN);
+}
+
+static int open_descriptors(live* self)
+{
+    const sigset_t signals = own_signals();
     self->signal_fd = signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
     self->cycle_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     self->status_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    self->worker = worker_create(NULL);
-    if (self->signal_fd < 0 || self->cycle_fd < 0 || self->status_fd < 0 ||
-        self->worker == NULL) {
-        return fail(EXIT_OS, "the system refused a thread or a descriptor");
+    if (self->signal_fd < 0 || self->cycle_fd < 0 || self->status_fd < 0) {
+        return fail(EXIT_OS, "the system refused a descriptor, expected a higher LimitNOFILE");
     }
-    return 0;
+    char error[CONFIG_ERROR_SIZE];
+    const service* service = &self->config->service;
+    self->worker = worker_create(&service->planning);
+    if (self->worker == NULL) {
+        realtime_explain(service, errno, error, sizeof error);
+        return fail(EXIT_OS, error);
+    }
+    return realtime_lock(service, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
 /// One line for people, as the contract words it, without the log's decoration.
@@ -343,9 +386,13 @@ static void install_next(live* self);
 static void send_messages(live* self);
 static void send_overrun(live* self);
 
+/// Runs in the planning thread. Its helpers do nothing but tasks of ours: their mode stays what it
+/// was when they were started.
 static void plan_job(void* arg)
 {
-    cycle_plan(arg);
+    live* self = arg;
+    self->corrected = floating_correct() || self->corrected;
+    cycle_plan(&self->cycle);
 }
 
 static void on_tick(live* self)
@@ -374,9 +421,10 @@ static void on_tick(live* self)
     }
     self->begun = clock_us(CLOCK_MONOTONIC);
     self->late = false;
+    self->corrected = floating_correct(); // states are projected in this thread
     cycle_begin(&self->cycle, self->cycle_count++, clock_us(CLOCK_REALTIME));
     record_mark(self, self->cycle.utime, false);
-    worker_start(self->worker, plan_job, &self->cycle);
+    worker_start(self->worker, plan_job, self);
 }
 
 /// The tick's messages all the same: what is left of the last plans, or fallbacks.
@@ -406,6 +454,9 @@ static void on_planned(live* self)
         notify_send(&self->notify, "WATCHDOG=1");
     }
     self->status.heard = self->cycle.view.count > 0;
+    if (self->corrected) {
+        tell_correction(self, "cycle");
+    }
     const cycle_counters* counters = &self->cycle.counters;
     if (counters->refused > before.refused) {
         status_fault(&self->status, RSU_FAULT_PLANNER, now, false);
@@ -567,8 +618,8 @@ static void reload(live* self)
     notify_send(&self->notify, reloading);
     drop_next(self);
     int code = config_load(&self->next_config, self->options->config_path, error);
-    if (code == 0 && !pool_start(&self->next_pool, self->next_config)) {
-        code = EXIT_OS;
+    if (code == 0) {
+        code = pool_start(&self->next_pool, self->next_config, error);
     }
     if (code == 0) {
         code = config_planner_build(&self->next_planner, self->next_config,

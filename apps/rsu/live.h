@@ -15,6 +15,7 @@ typedef struct live_options {
     const char* config_path;
     const char* record_path; ///< null: no recording
     const log_format* log_format; ///< null: the configuration's
+    bool        floating_corrected; ///< at the start of the process: worth a line in the log
     int64_t     cycles;      ///< stop after so many; 0: run until told to stop
 } live_options;
 

@@ -5,6 +5,7 @@
 #include "log.h"
 #include "replay.h"
 
+#include "common/floating.h"
 #include "common/options.h"
 
 #include <errno.h>
@@ -32,6 +33,7 @@ int main(int argc, char** argv)
 {
     arguments args;
     memset(&args, 0, sizeof args);
+    const bool floating_corrected = floating_correct(); // before the first number is read
     int status = read_arguments(&args, argc, argv);
     if (status != 0 || args.config_path == NULL) {
         return status;
@@ -43,6 +45,7 @@ int main(int argc, char** argv)
         .config_path = args.config_path,
         .record_path = args.record_path,
         .log_format = args.format_text != NULL ? &args.format : NULL,
+        .floating_corrected = floating_corrected,
         .cycles = (int64_t)args.cycles,
     };
     return live_run(&options);

@@ -1,3 +1,4 @@
+#define _GNU_SOURCE
 #include "worker.h"
 
 #include <assert.h>
@@ -27,10 +28,11 @@ worker* worker_create(const thread_options* options)
         return NULL;
     }
     self->done_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-    if (self->done_fd < 0 || sem_init(&self->jobs, 0, 0) != 0) {
+    if (self->done_fd < 0) {
         free(self);
         return NULL;
     }
+    sem_init(&self->jobs, 0, 0);
     const int refused = thread_start(&self->thread, options, work, self);
     if (refused != 0) {
         close(self->done_fd);
@@ -88,6 +90,7 @@ bool worker_collect(worker* self)
 static void* work(void* context)
 {
     worker* self = context;
+    pthread_setname_np(pthread_self(), "verge-plan");
     for (;;) {
         while (sem_wait(&self->jobs) != 0) {
         }

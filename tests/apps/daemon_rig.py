@@ -57,6 +57,17 @@ class Rig:
         return done.returncode, done.stdout, done.stderr
 
 
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+
+
+def shared_library(rig, name):
+    """Builds tests/support/NAME.c for LD_PRELOAD."""
+    library = rig.folder / f"{name}.so"
+    subprocess.run(["cc", "-O1", "-shared", "-fPIC", "-fno-builtin", "-o", library,
+                    SOURCE / "tests/support" / f"{name}.c", "-lm", "-ldl"], check=True)
+    return str(library)
+
+
 class Daemon:
     """A running verge-rsu that has said READY."""
 
@@ -75,6 +86,11 @@ class Daemon:
 
     def text(self):
         return self.path.read_text()
+
+    def threads(self):
+        """Thread id -> name."""
+        tasks = pathlib.Path(f"/proc/{self.process.pid}/task")
+        return {int(task.name): (task / "comm").read_text().strip() for task in tasks.iterdir()}
 
     def wait_for(self, words, count=1):
         wait_for(lambda: self.text().count(words) >= count, f"{words}\n{self.text()}")

@@ -25,6 +25,8 @@ import tempfile
 import time
 import zlib
 
+from daemon_rig import shared_library
+
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 URL = "udpm://239.255.76.67:7667?ttl=0"
 GROUP = ("239.255.76.67", 7667)
@@ -292,6 +294,11 @@ def one_plan_a_vehicle_a_cycle_and_it_replays_to_the_same_digests(rig):
 
     code, out, error = rig.run(rig.bin / "verge-replay", log, "--config", config)
     check(code == 0 and "same" in out, f"verge-replay: {code} {out} {error}")
+    spoiled = {**os.environ, "LD_PRELOAD": shared_library(rig, "rounding")}
+    code, again, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--replay", log,
+                                 env=spoiled)
+    check(code == 0 and [json.loads(line) for line in again.splitlines()] == lines,
+          "a library that changes how numbers are rounded changes no digest")
     other = rig.config("other.json", planner=dict(QUICK, headway_s=1.0, iterations=30))
     code, out, _ = rig.run(rig.bin / "verge-replay", log, "--config", other)
     check(code == 1 and "cycle" in out, f"another configuration: {code} {out}")

@@ -13,7 +13,8 @@ import subprocess
 import sys
 import time
 
-from daemon_rig import Daemon, Manager, check, run_cases, wait_for
+from daemon_rig import (QUICK, SOURCE, Daemon, Manager, check, run_cases, shared_library,
+                        wait_for)
 
 
 # ---- the service manager ------------------------------------------------------------------
@@ -138,6 +139,72 @@ def lines_to_the_journal_carry_their_priority(rig):
             check(any("level=error" in line for line in lines), lines)
 
 
+# ---- what it asks of the system -----------------------------------------------------------
+
+def planning_threads_and_no_others_have_the_priority_and_processors_asked_for(rig):
+    if rig.run("chrt", "-f", "7", "true")[0] != 0:
+        return "not checked: this machine refuses SCHED_FIFO"
+    cpu = max(os.sched_getaffinity(0))
+    config = rig.config(realtime={"priority": 7, "cpus": [cpu]}, planner=dict(QUICK, threads=2))
+    with Daemon(rig, config) as rsu:
+        chosen = {tid for tid in rsu.threads()
+                  if os.sched_getscheduler(tid) == os.SCHED_FIFO}
+        check(len(chosen) == 2, f"the planning thread and its helper: {chosen} of {rsu.threads()}")
+        check("verge-plan" in {rsu.threads()[tid] for tid in chosen}, rsu.threads())
+        for tid in chosen:
+            check(os.sched_getparam(tid).sched_priority == 7, "its priority")
+            check(os.sched_getaffinity(tid) == {cpu}, "its processors")
+        check(os.sched_getscheduler(rsu.process.pid) == os.SCHED_OTHER, "input and output")
+        check(os.sched_getaffinity(rsu.process.pid) == os.sched_getaffinity(0), "anywhere")
+        check(rsu.stop()[1] == 0, "stops")
+
+
+def with_locked_memory_no_thread_waits_for_a_page(rig):
+    config = rig.config(cycle_ms=10, realtime={"lock_memory": True}, control="rsu.sock")
+    if rig.run(rig.bin / "verge-rsu", "--config", config, "--cycles", "1")[0] == 71:
+        return "not checked: this machine refuses to lock so much"
+    with Daemon(rig, config) as rsu:
+        def faults():
+            tasks = rsu.threads()
+            return sum(sum(map(int, open(f"/proc/{rsu.process.pid}/task/{tid}/stat").read()
+                               .rsplit(")")[1].split()[7:11:2])) for tid in tasks)
+        time.sleep(1.5) # the first status message has gone out
+        before = faults()
+        time.sleep(2.0)
+        check(faults() == before, f"{faults() - before} page faults in 200 cycles")
+        status = open(f"/proc/{rsu.process.pid}/status").read()
+        locked = int(status.split("VmLck:")[1].split()[0])
+        check(locked > 5000, f"{locked} KiB are locked")
+
+
+def what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do(rig):
+    plain = ["unshare", "-r", "prlimit", "--memlock=65536", "--rtprio=0"]
+    if rig.run(*plain, "true")[0] != 0:
+        return "not checked: this machine refuses a user namespace"
+    cases = [({"priority": 9}, "realtime.priority", "LimitRTPRIO=9"),
+             ({"lock_memory": True}, "realtime.lock_memory", "LimitMEMLOCK"),
+             ({"cpus": [1023]}, "realtime.cpus", "nproc")]
+    for realtime, key, remedy in cases:
+        code, _, error = rig.run(*plain, rig.bin / "verge-rsu", "--config",
+                                 rig.config(realtime=realtime))
+        check(code == 71, f"{key}: exit {code}: {error}")
+        check(key in error and remedy in error and error.count("\n") == 1, error)
+
+
+def a_changed_floating_point_mode_is_corrected_and_told_once(rig):
+    library = shared_library(rig, "rounding")
+    config = rig.config(cycle_ms=10)
+    with Daemon(rig, config, env={"LD_PRELOAD": library}) as rsu:
+        rsu.wait_for("floating_corrected when=start")
+        check(rsu.stop()[1] == 0, "stops")
+    # In the planning thread, again and again.
+    late = {"LD_PRELOAD": library, "ROUNDING_LATE": "1"}
+    with Daemon(rig, config, "--cycles", "50", env=late) as rsu:
+        rsu.process.wait(timeout=20)
+        check("floating_corrected when=cycle" in rsu.text(), rsu.text())
+        check(rsu.text().count("floating_corrected") == 1, rsu.text())
+
+
 # ---- configuration ------------------------------------------------------------------------
 
 def what_the_daemon_cannot_serve_is_refused_by_name(rig):
@@ -187,6 +254,10 @@ CASES = [
     without_a_manager_it_works_as_well,
     the_log_is_text_or_json_with_the_same_pairs,
     lines_to_the_journal_carry_their_priority,
+    planning_threads_and_no_others_have_the_priority_and_processors_asked_for,
+    with_locked_memory_no_thread_waits_for_a_page,
+    what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do,
+    a_changed_floating_point_mode_is_corrected_and_told_once,
     what_the_daemon_cannot_serve_is_refused_by_name,
     the_printed_configuration_prints_itself,
 ]

@@ -1,7 +1,7 @@
 #!/bin/bash
 # Claim: the Debian packages hold what they should, and the daemon runs from them: unpacked into an
 # empty folder it checks the configuration it came with, plans for the vehicles of a scenario of
-# verge-tools, and obeys SIGTERM.
+# verge-tools, and obeys SIGTERM; the same with the example of a secured site.
 #
 #     package.sh SOURCE_DIR BUILD_DIR WORK_DIR
 set -euo pipefail
@@ -54,18 +54,23 @@ done
 (cd "$build_dir/bin" && printf ' %s' verge-*) | diff - <(printf '%s' "$programs") ||
     fail "built and packaged programs differ"
 
-# The daemon from there, as a unit would run it.
-config=$work/root/etc/verge/rsu.json
-bin=$work/root/usr/bin
+# The daemon from there, as a unit would run it: the site it comes with, then the secured one.
 grep -qF "ExecStart=/usr/bin/verge-rsu --config /etc/verge/rsu.json" \
     "$work/root/usr/lib/systemd/system/verge-rsu.service" || fail "the unit starts something else"
-"$bin/verge-rsu" --config "$config" --check-config >"$work/check.log"
-grep -q 'planner, all together' "$work/check.log"
+etc=$work/root/etc/verge
+bin=$work/root/usr/bin
+scenario=$work/root/usr/share/verge/scenarios/ramp-case1.json
 ulimit -S -s 256 # the unit's
-"$source_dir/tests/support/in_network.sh" bash -s "$bin" "$config" \
-    "$work/root/usr/share/verge/scenarios/ramp-case1.json" "$work" <<'END'
+
+# site CONFIG BUS PUBLISH_OPTION...: vehicles get plans from the daemon at this site
+site() {
+    "$bin/verge-rsu" --config "$1" --check-config >"$work/check.log" 2>&1 ||
+        fail "$(cat "$work/check.log")"
+    grep -q 'planner, all together' "$work/check.log"
+    "$source_dir/tests/support/in_network.sh" bash -s "$bin" "$work" "$scenario" "$@" <<'END'
 set -euo pipefail
-bin=$1 config=$2 scenario=$3 work=$4
+bin=$1 work=$2 scenario=$3 config=$4 bus=$5
+shift 5
 "$bin/verge-rsu" --config "$config" 2>"$work/rsu.log" &
 daemon=$!
 trap 'kill -9 $daemon 2>/dev/null || true' EXIT
@@ -73,11 +78,23 @@ for _ in $(seq 300); do
     ! grep -q event=READY "$work/rsu.log" || break
     sleep 0.1
 done
-"$bin/verge-publish" "$scenario" --bus 'lcm:udpm://239.255.76.67:7667?ttl=0' --duration 5 \
-    >"$work/publish.log"
+"$bin/verge-publish" "$scenario" --bus "$bus" --duration 5 "$@" >"$work/publish.log"
 kill -TERM $daemon
 wait $daemon
 trap - EXIT
 END
-grep -qE 'planned' "$work/publish.log" || { cat "$work/rsu.log" "$work/publish.log"; fail "no plans"; }
+    grep -q planned "$work/publish.log" ||
+        { cat "$work/rsu.log" "$work/publish.log"; fail "no plans on $2"; }
+}
+
+site "$etc/rsu.json" 'lcm:udpm://239.255.76.67:7667?ttl=0'
+if "$bin/verge-rsu" --config "$source_dir/apps/site/rsu-dds-secured.json" --check-config \
+    >/dev/null 2>&1; then
+    fail "a secured site without keys is accepted"
+fi
+if grep -q '^VERGE_DDS:BOOL=ON' "$build_dir/CMakeCache.txt"; then
+    "$source_dir/tools/certs" --out "$etc/keys" rsu car7 >"$work/certs.log"
+    cp "$work/root/usr/share/doc/verge-rsu/examples/rsu-dds-secured.json" "$etc/rsu.json"
+    site "$etc/rsu.json" dds:0 --bus-options "$etc/keys/car7.options.json"
+fi
 echo "packages of $version: $(cd "$work/made" && ls ./*.deb | tr '\n' ' ')"

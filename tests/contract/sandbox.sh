@@ -1,0 +1,81 @@
+#!/bin/bash
+# Claim: what the units take away is not missed. The daemon runs, on every bus, with the stack, the
+# locked memory and the view of /proc that its unit gives it; it makes no system call that the
+# unit's filter refuses, opens no socket of another family, maps nothing writable and executable.
+#
+#     sandbox.sh SOURCE_DIR BUILD_DIR WORK_DIR
+set -euo pipefail
+source_dir=$1
+build_dir=$2
+work=$3
+unit=$source_dir/apps/systemd/verge-rsu.service.in
+fail() { echo "sandbox: $*" >&2; exit 1; }
+skip() { echo "SKIPPED: $*"; exit 77; }
+for tool in strace systemd-analyze; do
+    command -v $tool >/dev/null || skip "$tool is missing (Debian: strace, systemd)"
+done
+strace -o /dev/null true 2>/dev/null || skip "this machine refuses strace"
+unshare -rnmpf mount -t proc proc /proc 2>/dev/null || skip "this machine refuses a private /proc"
+rm -rf "$work"
+mkdir -p "$work"
+
+# calls SET: the system calls of one of systemd's sets, the sets inside it as well
+calls() {
+    systemd-analyze syscall-filter --no-pager "$1" | sed -n 's/^    \([a-z0-9_@-]*\)$/\1/p' |
+        while read -r name; do
+            case $name in @*) calls "$name" ;; *) echo "$name" ;; esac
+        done
+}
+setting() { sed -n "s/^$1=//p" "$unit"; }
+for set in $(setting SystemCallFilter); do
+    case $set in
+    ~*) calls "${set#\~}" >>"$work/denied" ;;
+    *) calls "$set" >>"$work/allowed" ;;
+    esac
+done
+sort -u "$work/allowed" | comm -23 - <(sort -u "$work/denied") >"$work/permitted"
+[ "$(wc -l <"$work/permitted")" -gt 200 ] || fail "systemd's sets could not be read"
+
+# Locked memory as far as this machine grants it; the unit's is 256 MB.
+memory=$(ulimit -H -l)
+lock=false
+if [ "$memory" = unlimited ] || [ "$memory" -ge 262144 ]; then
+    memory=262144
+    lock=true
+else
+    echo "locked memory is not tried: this machine grants $memory kB"
+fi
+
+# run NAME BUS
+run() {
+    cat >"$work/$1.json" <<END
+{ "format": "verge-rsu/1", "bus": "$2", "cycle_ms": 50,
+  "road_file": "$source_dir/apps/site/road.json", "realtime": { "lock_memory": $lock } }
+END
+    unshare -rnmpf sh -c '
+        mount -t proc -o subset=pid,hidepid=invisible proc /proc
+        ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo
+        ulimit -S -s 256
+        ulimit -l "$4"
+        export MALLOC_ARENA_MAX=1
+        exec strace -f -qq -o "$1" "$2" --config "$3" --cycles 20' sh \
+        "$work/$1.calls" "$build_dir/bin/verge-rsu" "$work/$1.json" "$memory" \
+        2>"$work/$1.log" ||
+        { cat "$work/$1.log"; fail "the daemon does not run on $2"; }
+    sed -nE 's/^[0-9]+ +([a-z0-9_]+)\(.*/\1/p' "$work/$1.calls" | sort -u >"$work/$1.used"
+    [ "$(wc -l <"$work/$1.used")" -gt 20 ] || fail "strace saw nothing"
+    local refused
+    # What strace's own start-up does before the daemon is systemd's to do: execve is permitted.
+    refused=$(comm -23 "$work/$1.used" "$work/permitted" | tr '\n' ' ')
+    [ -z "$refused" ] || fail "$2: the unit's filter refuses $refused"
+    for family in $(grep -oE 'socket\(AF_[A-Z0-9]+' "$work/$1.calls" | cut -d'(' -f2 | sort -u); do
+        setting RestrictAddressFamilies | grep -qw "$family" || fail "$2: $family is refused"
+    done
+    ! grep -E '(mmap|mprotect)\(.*PROT_WRITE[^,]*PROT_EXEC' "$work/$1.calls" ||
+        fail "$2: memory both writable and executable"
+    echo "$2: $(wc -l <"$work/$1.used") system calls, all permitted"
+}
+run lcm 'lcm:udpm://239.255.76.67:7667?ttl=0'
+if grep -q '^VERGE_DDS:BOOL=ON' "$build_dir/CMakeCache.txt"; then
+    run dds dds:0
+fi

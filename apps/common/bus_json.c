@@ -89,17 +89,19 @@ void bus_options_free(bus_options* self)
 
 static bool read_dds(bus_options* self, const json_at* dds)
 {
-    static const char* const KEYS[] = { "interfaces", "peers", "security", NULL };
+    static const char* const KEYS[] = { "interfaces", "peers", "deadline_ms", "security", NULL };
     if (!json_expect_object(dds, KEYS)) {
         return false;
     }
+    self->transport.dds_deadline_ms =
+        (uint32_t)json_integer_or(dds, "deadline_ms", 0, BUS_DEADLINE_MS_MAX, 0);
     const json_at interfaces = json_member(dds, "interfaces");
     const json_at peers = json_member(dds, "peers");
     const json_at security = json_member(dds, "security");
     return read_names(&interfaces, self->interfaces, BUS_INTERFACES_MAX,
                       &self->transport.dds_interface_count) &&
            read_names(&peers, self->peers, BUS_PEERS_MAX, &self->transport.dds_peer_count) &&
-           read_security(self, &security);
+           read_security(self, &security) && dds->file->error[0] == '\0';
 }
 
 /// What the addresses and the key files are worth is the transport's to judge.
@@ -263,6 +265,7 @@ bool bus_options_same(const bus_options* self, const bus_options* other)
                            theirs->dds_interface_count) &&
                 same_names(self->peers, mine->dds_peer_count, other->peers,
                            theirs->dds_peer_count) &&
+                mine->dds_deadline_ms == theirs->dds_deadline_ms &&
                 (mine->dds_security == NULL) == (theirs->dds_security == NULL);
     for (uint32_t i = 0; same && mine->dds_security != NULL && i < SECURITY_COUNT; i++) {
         same = strcmp(security_path_of(self, i), security_path_of(other, i)) == 0;
@@ -312,13 +315,14 @@ static void write_dds(FILE* out, const bus_options* self)
 {
     const transport_options* given = &self->transport;
     if (given->dds_interface_count == 0 && given->dds_peer_count == 0 &&
-        given->dds_security == NULL) {
+        given->dds_deadline_ms == 0 && given->dds_security == NULL) {
         return;
     }
     fputs(",\n  \"dds\": { ", out);
     write_names(out, "interfaces", self->interfaces, given->dds_interface_count);
     fputs(", ", out);
     write_names(out, "peers", self->peers, given->dds_peer_count);
+    fprintf(out, ", \"deadline_ms\": %u", given->dds_deadline_ms);
     if (given->dds_security != NULL) {
         fputs(",\n    \"security\": ", out);
         for (uint32_t i = 0; i < SECURITY_COUNT; i++) {

@@ -1,7 +1,7 @@
 /// What buses need beyond their URLs, from JSON: the objects "dds" and "lcm" of the daemon's
 /// configuration, or of the file a tool is given with --bus-options.
 ///
-///     { "dds": { "interfaces": ["eth1"], "peers": ["10.1.0.7"],
+///     { "dds": { "interfaces": ["eth1"], "peers": ["10.1.0.7"], "deadline_ms": 0,
 ///                "security": { "identity_ca": PATH, "certificate": PATH, "key": PATH,
 ///                              "permissions_ca": PATH, "governance": PATH, "permissions": PATH } },
 ///       "lcm": { "allow": ["10.1.0.0/16"], "keys": [ { "id": 1, "file": PATH } ],
@@ -9,6 +9,15 @@
 ///
 /// Everything is optional; where "security" is given, all six of its paths are. Relative paths
 /// start in the folder of the file that names them. Unknown keys are errors.
+///
+/// | key of "dds"  | unit | range         | default  | meaning                                    |
+/// |---------------|------|---------------|----------|--------------------------------------------|
+/// | `interfaces`  |      | up to 8       | none     | names or addresses; none: loopback, or     |
+/// |               |      |               |          | what $CYCLONEDDS_URI says                  |
+/// | `peers`       |      | up to 32      | none     | hosts to look for where multicast does not |
+/// |               |      |               |          | reach                                      |
+/// | `deadline_ms` | ms   | 0 .. 60000    | 0        | every sender of states must promise one as |
+/// |               |      |               |          | often; lapses are counted; 0: not asked    |
 ///
 /// | key of "lcm" | unit | range          | default  | meaning                                    |
 /// |--------------|------|----------------|----------|--------------------------------------------|
@@ -28,7 +37,7 @@
 
 #include <stdio.h>
 
-enum { BUS_INTERFACES_MAX = 8, BUS_PEERS_MAX = 32 };
+enum { BUS_INTERFACES_MAX = 8, BUS_PEERS_MAX = 32, BUS_DEADLINE_MS_MAX = 60000 };
 
 typedef struct bus_options {
     transport_options      transport; ///< what to open a bus with

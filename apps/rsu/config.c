@@ -93,18 +93,48 @@ static int read_document(config* self, const json_at* root)
     return fits && root->file->error[0] == '\0' ? 0 : EXIT_CONFIG;
 }
 
-static bool read_bus(config* self, const json_at* root)
+static bool read_url(config* self, const json_at* at, const char* url)
 {
-    const char* url = json_string(root, "bus");
-    const json_at at = json_member(root, "bus");
     const char* fault = transport_url_fault(url);
     if (fault != NULL) {
-        return json_fail(&at, "is \"%.80s\": %s", url, fault);
+        return json_fail(at, "is \"%.80s\": %s", url, fault);
     }
-    if (strlen(url) >= sizeof self->bus) {
-        return json_fail(&at, "is too long, expected at most %d characters", CONFIG_BUS_SIZE - 1);
+    if (strlen(url) >= CONFIG_BUS_SIZE) {
+        return json_fail(at, "is too long, expected at most %d characters", CONFIG_BUS_SIZE - 1);
     }
-    snprintf(self->bus, sizeof self->bus, "%s", url);
+    for (uint32_t i = 0; i < self->bus_count; i++) {
+        if (strcmp(self->bus[i], url) == 0) {
+            return json_fail(at, "is given twice, expected each bus once");
+        }
+    }
+    snprintf(self->bus[self->bus_count++], CONFIG_BUS_SIZE, "%s", url);
+    return true;
+}
+
+/// One URL or a list of them.
+static bool read_bus(config* self, const json_at* root)
+{
+    const json_at at = json_member(root, "bus");
+    if (!cJSON_IsArray(at.node)) {
+        return read_url(self, &at, json_string(root, "bus"));
+    }
+    const uint32_t count = json_expect_array(&at, 1, CONFIG_BUSES_MAX);
+    if (root->file->error[0] != '\0') {
+        return false;
+    }
+    const cJSON* node = at.node->child;
+    for (uint32_t i = 0; i < count; i++, node = node->next) {
+        const json_at element = json_element(&at, node, i);
+        if (!cJSON_IsString(node)) {
+            return json_fail(&element, "is not a string, expected the URL of a bus");
+        }
+        if (count > 1 && strncmp(node->valuestring, "log:", 4) == 0) {
+            return json_fail(&element, "is a log among buses, expected it alone or not at all");
+        }
+        if (!read_url(self, &element, node->valuestring)) {
+            return false;
+        }
+    }
     return true;
 }
 
@@ -217,7 +247,11 @@ static bool sum_up(config* self)
 void config_print(const config* self, FILE* out)
 {
     fprintf(out, "{ \"format\": \"verge-rsu/1\",\n  \"rsu_id\": %d,\n  \"bus\": ", self->rsu_id);
-    string_write(out, self->bus);
+    for (uint32_t i = 0; i < self->bus_count; i++) {
+        fputs(self->bus_count == 1 ? "" : i == 0 ? "[" : ", ", out);
+        string_write(out, self->bus[i]);
+    }
+    fputs(self->bus_count == 1 ? "" : "]", out);
     bus_options_write(out, &self->bus_options);
     fprintf(out, ",\n  \"cycle_ms\": %u,\n  \"freshness\": ", self->cycle_ms);
     uint32_t count = 0;
@@ -237,6 +271,26 @@ void config_print(const config* self, FILE* out)
         fprintf(out, ",\n  \"road\": %s", self->road_text);
     }
     fprintf(out, " }\n");
+}
+
+void config_bus_list(const config* self, char* text, size_t size)
+{
+    size_t used = 0;
+    for (uint32_t i = 0; i < self->bus_count && used < size; i++) {
+        const int length = snprintf(text + used, size - used, "%s%s", i == 0 ? "" : ",",
+                                    self->bus[i]);
+        used += length > 0 ? (size_t)length : 0;
+    }
+}
+
+bool config_same_buses(const config* self, const config* other)
+{
+    bool same = self->bus_count == other->bus_count &&
+                bus_options_same(&self->bus_options, &other->bus_options);
+    for (uint32_t i = 0; same && i < self->bus_count; i++) {
+        same = strcmp(self->bus[i], other->bus[i]) == 0;
+    }
+    return same;
 }
 
 void config_print_memory(const config* self, FILE* out)

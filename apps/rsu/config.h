@@ -7,7 +7,8 @@
 /// |-------------|------|--------------------|----------|---------------------------------------|
 /// | `format`    |      | `verge-rsu/1`      | required | what this file is                     |
 /// | `rsu_id`    | 1    | 0 .. 2^31 - 1      | 1        | sender of plans and status            |
-/// | `bus`       |      | a bus URL          | required | where states come from and plans go   |
+/// | `bus`       |      | bus URLs           | required | where states come from and plans go:  |
+/// |             |      |                    |          | one, or a list of up to four          |
 /// | `dds`, `lcm`|     | see bus_json.h     | `{}`     | what buses need beyond their URLs     |
 /// | `road`      |      | a road             |          | the lanes, as in a scenario           |
 /// | `road_file` |      | path               |          | the same from a file: a road, or a    |
@@ -51,6 +52,7 @@ enum {
     CONFIG_CYCLE_MS_DEFAULT = 500,
     CONFIG_ERROR_SIZE = 512,
     CONFIG_BUS_SIZE = 256,
+    CONFIG_BUSES_MAX = INBOX_BUSES_MAX,
 };
 
 /// Exit codes of the daemon, those of sysexits.h.
@@ -65,7 +67,8 @@ enum {
 
 typedef struct config {
     int32_t  rsu_id;
-    char     bus[CONFIG_BUS_SIZE];
+    char     bus[CONFIG_BUSES_MAX][CONFIG_BUS_SIZE];
+    uint32_t bus_count;
     bus_options bus_options;
     uint32_t cycle_ms;
     verge_planner_def planner;  ///< road included; the road's memory belongs to the config
@@ -84,6 +87,11 @@ void config_free(config* self); ///< null is fine
 
 /// The configuration in force as JSON, every planner parameter written out. It can be read again.
 void config_print(const config* self, FILE* out);
+
+/// The URLs with commas between them; cut to size.
+void config_bus_list(const config* self, char* text, size_t size);
+/// Do both name the same buses and the same options for them?
+bool config_same_buses(const config* self, const config* other);
 
 /// A planner built from the configuration, and the memory it lives in.
 typedef struct config_planner {

@@ -45,8 +45,9 @@ bool cycle_offer(cycle* self, const transport_message* message)
         return false;
     }
     const verge_road* road = verge_planner_road(self->def.planner);
-    return inbox_offer(&self->inbox, &message->as.state, message->arrival_utime, road) ==
-           INBOX_ACCEPTED;
+    const inbox_source source = { .sender = message->sender, .bus = message->bus };
+    return inbox_offer_from(&self->inbox, &message->as.state, source, message->arrival_utime,
+                            road) == INBOX_ACCEPTED;
 }
 
 void cycle_run(cycle* self, int64_t number, int64_t utime)

@@ -6,6 +6,7 @@
 #define _GNU_SOURCE
 #include "live.h"
 
+#include "buses.h"
 #include "config.h"
 #include "cycle.h"
 #include "log.h"
@@ -42,8 +43,8 @@ typedef struct live {
     config*        next_config;  // read again, waits for the next cycle; null: nothing waits
     config_planner next_planner;
     executor*      next_pool;
-    transport*     next_bus;     // null: the bus stays
-    transport*     bus;
+    buses          next_buses;   // count 0: the buses stay
+    buses          buses;
     transport*     record;       // null: not recording
     worker*        worker;
     int            signal_fd, cycle_fd, status_fd;
@@ -54,7 +55,6 @@ typedef struct live {
     bool           late;         // a tick came while the running cycle was planning
     rsu_state      told_state;   // in the last status message
     rsu_fault      told_fault;
-    uint64_t       bus_errors;   // seen so far
     uint64_t       refusals;     // rx refusals already in the log
     uint64_t       over_capacity; // the same of these alone
     notify         notify;       // the service manager
@@ -119,10 +119,12 @@ static int start(live* self)
     cycle_init(&self->cycle, &def);
     arm(self->cycle_fd, self->config->cycle_ms);
     arm(self->status_fd, STATUS_PERIOD_MS);
+    char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
+    config_bus_list(self->config, buses, sizeof buses);
     log_event(LOG_ALWAYS, "READY",
               "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=0x%08x "
               "config_crc32=0x%08x",
-              VERGE_VERSION_STRING, self->config->rsu_id, self->config->bus,
+              VERGE_VERSION_STRING, self->config->rsu_id, buses,
               self->config->cycle_ms, self->planner.size, self->config->map_crc32,
               self->config->config_crc32);
     notify_send(&self->notify, "READY=1");
@@ -202,19 +204,10 @@ static void log_complaint(void* context, const char* line)
     log_event(LOG_WARNING, "bus_complaint", "words=\"%s\"", log_words(words));
 }
 
-/// Opens the bus of a configuration; what it complains of later comes to our log.
-static int open_bus(transport** bus, const config* config, char* error, size_t size)
-{
-    const unsigned use = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES;
-    transport_options options = config->bus_options.transport;
-    options.log = log_complaint;
-    return transport_open_with(bus, config->bus, use, &options, error, size);
-}
-
 static int open_ends(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int result = open_bus(&self->bus, self->config, error, sizeof error);
+    int result = buses_open(&self->buses, self->config, log_complaint, error, sizeof error);
     if (result != TRANSPORT_OK) {
         return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
     }
@@ -299,14 +292,14 @@ static void loop(live* self)
 {
     const int64_t limit = self->options->cycles;
     for (;;) {
-        struct pollfd ends[] = {
+        struct pollfd ends[4 + CONFIG_BUSES_MAX] = {
             { .fd = self->signal_fd, .events = POLLIN },
             { .fd = worker_fd(self->worker), .events = POLLIN },
             { .fd = self->cycle_fd, .events = POLLIN },
             { .fd = self->status_fd, .events = POLLIN },
-            { .fd = transport_fd(self->bus), .events = POLLIN },
         };
-        if (poll(ends, sizeof ends / sizeof ends[0], STATUS_PERIOD_MS) < 0 && errno != EINTR) {
+        const uint32_t count = 4 + buses_poll(&self->buses, ends + 4);
+        if (poll(ends, count, STATUS_PERIOD_MS) < 0 && errno != EINTR) {
             log_event(LOG_ERROR, "poll", "error=%s", strerror(errno));
         }
         if (on_signals(self)) {
@@ -335,19 +328,36 @@ static uint64_t expirations(int timer_fd)
 
 static void record_message(live* self, int64_t utime, const transport_message* message);
 
-/// Takes in one batch. Returns how many messages it had.
+static void take_in_message(live* self, const transport_message* message)
+{
+    const uint64_t conflicts = self->cycle.inbox.counters.rx_id_conflict;
+    const int32_t vehicle = message->as.state.vehicle_id;
+    if (cycle_offer(&self->cycle, message)) {
+        record_message(self, message->arrival_utime, message);
+    } else if (self->cycle.inbox.counters.rx_id_conflict > conflicts) {
+        char sender[64];
+        transport_sender_text(self->buses.bus[message->bus], message->sender, sender,
+                              sizeof sender);
+        status_fault(&self->status, RSU_FAULT_ID_CONFLICT, clock_us(CLOCK_MONOTONIC), false);
+        log_event(LOG_WARNING, "id_conflict", "vehicle=%d bus=%s refused_sender=%s", vehicle,
+                  self->config->bus[message->bus], sender);
+    } else {
+        log_event(LOG_DEBUG, "state_refused", "vehicle=%d", vehicle);
+    }
+}
+
+/// Takes in a batch from each bus. Returns how many messages the fullest one had.
 static uint32_t take_in(live* self)
 {
-    const uint32_t count = transport_drain(self->bus, self->inbound, DRAIN_BATCH);
-    for (uint32_t i = 0; i < count; i++) {
-        const transport_message* message = &self->inbound[i];
-        if (cycle_offer(&self->cycle, message)) {
-            record_message(self, message->arrival_utime, message);
-        } else {
-            log_event(LOG_DEBUG, "state_refused", "vehicle=%d", message->as.state.vehicle_id);
+    uint32_t most = 0;
+    for (uint32_t bus = 0; bus < self->buses.count; bus++) {
+        const uint32_t count = buses_drain(&self->buses, bus, self->inbound, DRAIN_BATCH);
+        for (uint32_t i = 0; i < count; i++) {
+            take_in_message(self, &self->inbound[i]);
         }
+        most = count > most ? count : most;
     }
-    return count;
+    return most;
 }
 
 static void on_bus(live* self)
@@ -476,7 +486,7 @@ static void send_messages(live* self)
 {
     for (uint32_t i = 0; i < self->cycle.message_count; i++) {
         const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
-        transport_publish_plan(self->bus, plan);
+        buses_publish_plan(&self->buses, plan);
         if (plan->status == VERGE_CANCELLED) {
             log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
                       plan->reason);
@@ -513,7 +523,7 @@ static void on_status_due(live* self)
         log_event(LOG_WARNING, "over_capacity", "vehicles_max=%u controlled_max=%u",
                   self->cycle.def.vehicles_max, self->cycle.def.controlled_max);
     }
-    const transport_stats stats = transport_statistics(self->bus);
+    const transport_stats stats = buses_statistics(&self->buses);
     tell_refusals(self, &stats);
     send_status(self, now);
     tell_manager(self, now);
@@ -567,10 +577,10 @@ static void tell_changes(live* self)
 
 static void send_status(live* self, int64_t now)
 {
-    const transport_stats stats = transport_statistics(self->bus);
+    const transport_stats stats = buses_statistics(&self->buses);
     const verge_rsu_status_t message = status_message(
         &self->status, self->config, &self->cycle, &stats, clock_us(CLOCK_REALTIME), now);
-    transport_publish_status(self->bus, &message);
+    buses_publish_status(&self->buses, &message);
     self->told_state = (rsu_state)message.state;
     self->told_fault = (rsu_fault)message.fault;
 }
@@ -578,12 +588,13 @@ static void send_status(live* self, int64_t now)
 /// The transport keeps trying by itself when the bus goes away; this says so.
 static void watch_bus(live* self, int64_t now)
 {
-    const uint64_t errors = transport_statistics(self->bus).errors;
-    if (errors > self->bus_errors) {
-        self->bus_errors = errors;
-        status_fault(&self->status, RSU_FAULT_BUS, now, false);
-        log_event(LOG_WARNING, "bus_trouble", "errors=%" PRIu64 " bus=%s action=keeps_trying",
-                  errors, self->config->bus);
+    for (uint32_t bus = 0; bus < self->buses.count; bus++) {
+        const uint64_t errors = buses_trouble(&self->buses, bus);
+        if (errors > 0) {
+            status_fault(&self->status, RSU_FAULT_BUS, now, false);
+            log_event(LOG_WARNING, "bus_trouble", "errors=%" PRIu64 " bus=%s action=keeps_trying",
+                      errors, self->config->bus[bus]);
+        }
     }
 }
 
@@ -626,10 +637,9 @@ static void reload(live* self)
                                     self->next_pool != NULL ? executor_run : NULL,
                                     self->next_pool, error);
     }
-    if (code == 0 && (strcmp(self->next_config->bus, self->config->bus) != 0 ||
-                      !bus_options_same(&self->next_config->bus_options,
-                                        &self->config->bus_options))) {
-        code = open_bus(&self->next_bus, self->next_config, error, sizeof error);
+    if (code == 0 && !config_same_buses(self->next_config, self->config)) {
+        code = buses_open(&self->next_buses, self->next_config, log_complaint, error,
+                          sizeof error);
     }
     if (code == 0) {
         return;
@@ -643,11 +653,10 @@ static void reload(live* self)
 
 static void drop_next(live* self)
 {
-    transport_close(self->next_bus);
+    buses_close(&self->next_buses);
     config_planner_free(&self->next_planner);
     executor_destroy(self->next_pool);
     config_free(self->next_config);
-    self->next_bus = NULL;
     self->next_pool = NULL;
     self->next_config = NULL;
 }
@@ -670,12 +679,11 @@ static void install_next(live* self)
     memset(&self->next_planner, 0, sizeof self->next_planner);
     self->next_pool = NULL;
     self->next_config = NULL;
-    if (self->next_bus != NULL) {
-        transport_close(self->bus);
-        self->bus = self->next_bus;
-        self->next_bus = NULL;
-        self->bus_errors = 0;
-        self->refusals = 0;
+    if (self->next_buses.count > 0) {
+        buses_succeed(&self->next_buses, &self->buses);
+        self->buses = self->next_buses;
+        memset(&self->next_buses, 0, sizeof self->next_buses);
+        inbox_forget_senders(&self->cycle.inbox); // theirs have other numbers
     }
     if (period_changed) {
         arm(self->cycle_fd, self->config->cycle_ms);
@@ -722,7 +730,7 @@ static void release(live* self)
     worker_destroy(self->worker);
     drop_next(self);
     transport_close(self->record);
-    transport_close(self->bus);
+    buses_close(&self->buses);
     config_planner_free(&self->planner);
     executor_destroy(self->pool);
     config_free(self->config);

@@ -1,5 +1,6 @@
 /// verge-rsu: the roadside daemon. Options and what they lead to; the work is in live.c,
 /// replay.c and config.c. Exit codes: config.h.
+#include "buses.h"
 #include "config.h"
 #include "live.h"
 #include "log.h"
@@ -74,7 +75,7 @@ static int read_arguments(arguments* args, int argc, char** argv)
     const program self = {
         .name = "verge-rsu",
         .argument = NULL,
-        .text = "The roadside daemon: takes vehicle states from a bus, plans jointly each cycle,\n"
+        .text = "The roadside daemon: takes vehicle states from buses, plans jointly each cycle,\n"
                 "broadcasts a plan for each controlled vehicle.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
@@ -118,9 +119,9 @@ static bool ends_here(const arguments* args, int* status)
         return true;
     }
     static const char scheme[] = "log:";
-    const bool from_log = strncmp(config->bus, scheme, sizeof scheme - 1) == 0;
+    const bool from_log = strncmp(config->bus[0], scheme, sizeof scheme - 1) == 0;
     const char* log_path = args->replay_path != NULL ? args->replay_path
-                           : from_log                ? config->bus + sizeof scheme - 1
+                           : from_log                ? config->bus[0] + sizeof scheme - 1
                                                      : NULL;
     const bool ends = args->check || args->print || log_path != NULL;
     if (args->print) {
@@ -147,13 +148,11 @@ static int check(const arguments* args, const config* config)
     config_planner built;
     int status = config_planner_build(&built, config, NULL, NULL, error);
     if (status == 0) {
-        transport* bus = NULL;
-        if (transport_open_with(&bus, config->bus, TRANSPORT_STATES,
-                                &config->bus_options.transport, error,
-                                sizeof error) == TRANSPORT_BAD_URL) {
+        buses buses;
+        if (buses_open(&buses, config, NULL, error, sizeof error) == TRANSPORT_BAD_URL) {
             status = EXIT_CONFIG;
         }
-        transport_close(bus);
+        buses_close(&buses);
     }
     if (status != 0) {
         fprintf(stderr, "%s:%s\n", args->config_path, error);

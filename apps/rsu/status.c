@@ -18,7 +18,7 @@ static int32_t bits_i32(uint32_t bits)
 const char* rsu_fault_name(rsu_fault fault)
 {
     static const char* const NAMES[RSU_FAULT_COUNT] = {
-        "none", "config", "record", "capacity", "deadline", "bus", "planner",
+        "none", "config", "record", "capacity", "deadline", "bus", "id_conflict", "planner",
     };
     return NAMES[fault];
 }

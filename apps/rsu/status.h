@@ -23,9 +23,10 @@ typedef enum rsu_fault {
     RSU_FAULT_CAPACITY = 3,  ///< vehicles were left out lately: more than the capacities
     RSU_FAULT_DEADLINE = 4,  ///< a cycle took longer than cycle_ms lately
     RSU_FAULT_BUS = 5,       ///< sending or receiving failed lately
-    RSU_FAULT_PLANNER = 6,   ///< the planner refused a cycle lately: a defect of ours
+    RSU_FAULT_ID_CONFLICT = 6, ///< two senders claimed one vehicle lately; the first one was heard
+    RSU_FAULT_PLANNER = 7,   ///< the planner refused a cycle lately: a defect of ours
 } rsu_fault;
-enum { RSU_FAULT_COUNT = 7 };
+enum { RSU_FAULT_COUNT = 8 };
 
 /// "none", "config", ...
 const char* rsu_fault_name(rsu_fault fault);

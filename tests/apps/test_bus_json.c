@@ -18,7 +18,8 @@ static bool read_text(bus_options* options, const char* text)
 }
 
 static const char whole[] =
-    "{ \"dds\": { \"interfaces\": [\"lo\", \"eth1\"], \"peers\": [\"10.1.0.7\"], \"security\": {"
+    "{ \"dds\": { \"interfaces\": [\"lo\", \"eth1\"], \"peers\": [\"10.1.0.7\"],"
+    "\"deadline_ms\": 400, \"security\": {"
     "\"identity_ca\": \"a.pem\", \"certificate\": \"/b.pem\", \"key\": \"c\","
     "\"permissions_ca\": \"d\", \"governance\": \"e\", \"permissions\": \"f\" } },"
     "\"lcm\": { \"allow\": [\"10.1.0.0/16\"], \"keys\": [{ \"id\": 3, \"file\": \"g\" }],"
@@ -36,6 +37,7 @@ static void test_names_and_paths_are_read_and_paths_start_in_the_files_folder(vo
     assert_string_equal(t->dds_interfaces[1], "eth1");
     assert_int_equal(t->dds_peer_count, 1);
     assert_string_equal(t->dds_peers[0], "10.1.0.7");
+    assert_int_equal(t->dds_deadline_ms, 400);
     assert_string_equal(t->dds_security->identity_ca, "/etc/site/a.pem");
     assert_string_equal(t->dds_security->certificate, "/b.pem");
     assert_string_equal(t->dds_security->permissions, "/etc/site/f");
@@ -66,6 +68,7 @@ static void test_mistakes_are_told_with_their_place(void** state)
     static const char* const wrong[][2] = {
         { "{ \"dds\": 1 }", "rsu.json:dds: " },
         { "{ \"dds\": { \"domain\": 1 } }", "domain" },
+        { "{ \"dds\": { \"deadline_ms\": -1 } }", "dds.deadline_ms: " },
         { "{ \"lcm\": { \"secret\": 1 } }", "secret" },
         { "{ \"lcm\": { \"allow\": [7] } }", "lcm.allow[0]: " },
         { "{ \"lcm\": { \"keys\": {} } }", "lcm.keys: " },

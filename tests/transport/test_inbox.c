@@ -98,6 +98,95 @@ static void test_two_senders_with_one_id_are_noticed_and_the_first_stays(void** 
     assert_int_equal(box.counters.rx_id_conflict, 2);
 }
 
+static inbox_verdict offer_from(verge_vehicle_state_t state, uint32_t bus, uint64_t sender)
+{
+    return inbox_offer_from(&box, &state, (inbox_source){ .sender = sender, .bus = bus },
+                            state.utime, NULL);
+}
+
+static void test_an_id_belongs_to_its_first_sender_until_that_is_silent_for_obstacle_ms(void** state)
+{
+    (void)state;
+    assert_int_equal(offer_from(car(1, start), 0, 77), INBOX_ACCEPTED);
+    // Another one's states fit perfectly, newer and older ones alike: all the more suspicious.
+    assert_int_equal(offer_from(car(1, start), 0, 78), INBOX_ID_TAKEN);
+    assert_int_equal(offer_from(car(1, start + 1000 * MS), 0, 78), INBOX_ID_TAKEN);
+    assert_int_equal(box.counters.rx_id_conflict, 2);
+    assert_int_equal(offer_from(car(2, start), 0, 78), INBOX_ACCEPTED); // its own id is welcome
+
+    // One microsecond more and the id is free; then it is the newcomer's.
+    verge_vehicle_state_t late = car(1, start + 1000 * MS + 1);
+    assert_int_equal(offer_from(late, 0, 78), INBOX_ACCEPTED);
+    late.utime += 100 * MS;
+    assert_int_equal(offer_from(late, 0, 77), INBOX_ID_TAKEN);
+    assert_int_equal(offer_from(late, 0, 78), INBOX_ACCEPTED);
+    assert_int_equal(box.counters.rx_id_conflict, 3);
+}
+
+static void test_a_vehicle_heard_on_two_buses_is_one_and_each_bus_has_its_sender(void** state)
+{
+    (void)state;
+    for (int i = 0; i < 20; ++i) { // now one bus is the faster one, now the other
+        const verge_vehicle_state_t now = car(1, start + i * 100 * MS);
+        const uint32_t              first = (uint32_t)i % 2;
+        assert_int_equal(offer_from(now, first, 10 + first), INBOX_ACCEPTED);
+        assert_int_equal(offer_from(now, 1 - first, 10 + 1 - first), INBOX_DUPLICATE);
+    }
+    inbox_snapshot(&box, start + 1900 * MS, &view);
+    assert_int_equal(view.count, 1);
+    assert_int_equal(box.counters.rx_id_conflict, 0);
+    // A second sender is noticed on either of them, whichever was the first this time.
+    assert_int_equal(offer_from(car(1, start + 2000 * MS), 0, 99), INBOX_ID_TAKEN);
+    assert_int_equal(offer_from(car(1, start + 2000 * MS), 1, 99), INBOX_ID_TAKEN);
+}
+
+static void test_unknown_senders_and_buses_of_old_claim_nothing(void** state)
+{
+    (void)state;
+    assert_int_equal(offer_from(car(1, start), 0, 77), INBOX_ACCEPTED);
+    assert_int_equal(offer_from(car(1, start + 100 * MS), 0, 0), INBOX_ACCEPTED); // a recording
+    assert_int_equal(offer_from(car(1, start + 200 * MS), 0, 78), INBOX_ID_TAKEN);
+    inbox_forget_senders(&box);
+    assert_int_equal(offer_from(car(1, start + 200 * MS), 0, 78), INBOX_ACCEPTED);
+
+    // Whoever takes over the slot of a forgotten vehicle inherits no sender from it.
+    inbox_snapshot(&box, start + 9000 * MS, &view);
+    assert_int_equal(offer_from(car(5, start + 9000 * MS), 0, 90), INBOX_ACCEPTED);
+    assert_int_equal(offer_from(car(5, start + 9100 * MS), 0, 78), INBOX_ID_TAKEN);
+    assert_int_equal(offer_from(car(1, start + 9100 * MS), 0, 90), INBOX_ACCEPTED);
+}
+
+/// What was accepted, offered again by nobody in particular, is accepted: a replay of a recording
+/// sees the same vehicles as the live run.
+static void test_accepted_states_are_accepted_again_without_their_senders(void** state)
+{
+    (void)state;
+    test_rng     rng = test_rng_seeded("senders");
+    static inbox again;
+    again = box;
+    for (uint32_t round = 0; round < test_rounds(2000); ++round) {
+        const int64_t         now = start + round * 20 * MS;
+        verge_vehicle_state_t s = car((int32_t)test_rng_below(&rng, 4), now);
+        const inbox_source    source = { .sender = 1 + test_rng_below(&rng, 2),
+                                         .bus = test_rng_below(&rng, 2) };
+        s.utime -= test_rng_below(&rng, 100) * MS;
+        if (inbox_offer_from(&box, &s, source, now, NULL) == INBOX_ACCEPTED) {
+            assert_int_equal(inbox_offer(&again, &s, now, NULL), INBOX_ACCEPTED);
+        }
+    }
+    static inbox_view other;
+    const int64_t     end = start + test_rounds(2000) * 20 * MS;
+    inbox_snapshot(&box, end, &view);
+    inbox_snapshot(&again, end, &other);
+    assert_true(view.count > 0 && box.counters.rx_id_conflict > 0);
+    assert_int_equal(view.count, other.count);
+    for (uint32_t i = 0; i < view.count; ++i) {
+        assert_int_equal(view.vehicles[i].id, other.vehicles[i].id);
+        CHECK_SAME_BITS(view.vehicles[i].x, other.vehicles[i].x);
+        assert_true(view.state_utime[i] == other.state_utime[i]);
+    }
+}
+
 static void test_out_of_range_comes_before_everything_else(void** state)
 {
     (void)state;
@@ -447,6 +536,10 @@ int main(void)
         TEST(test_a_state_2_s_old_is_accepted_and_one_older_is_stale),
         TEST(test_duplicate_and_older_states_are_told_apart),
         TEST(test_two_senders_with_one_id_are_noticed_and_the_first_stays),
+        TEST(test_an_id_belongs_to_its_first_sender_until_that_is_silent_for_obstacle_ms),
+        TEST(test_a_vehicle_heard_on_two_buses_is_one_and_each_bus_has_its_sender),
+        TEST(test_unknown_senders_and_buses_of_old_claim_nothing),
+        TEST(test_accepted_states_are_accepted_again_without_their_senders),
         TEST(test_out_of_range_comes_before_everything_else),
         TEST(test_a_full_table_takes_known_vehicles_and_replaces_forgotten_ones),
         TEST(test_ages_have_their_classes_at_the_exact_borders),

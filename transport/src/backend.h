@@ -61,6 +61,8 @@ typedef struct backend {
     /// utime is the event's own time where the bus records one. 0 or -1.
     int  (*send)(void* self, int64_t utime, const char* channel, const uint8_t* payload,
                 size_t size);
+    /// A sender in words; null: as a number.
+    void (*sender_text)(uint64_t sender, char* text, size_t size);
     bool keeps_time; ///< send() stores utime: transport_record() makes sense
 } backend;
 

@@ -3,11 +3,14 @@
 #include "scalar.h" // core's sine and cosine: a replay gives the same bits on every machine
 
 #include <assert.h>
+#include <string.h>
 
 static inbox_slot*   slot_of(inbox* self, int32_t id);
 static inbox_slot*   slot_free(inbox* self, int64_t now_utime);
 static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state,
-                                 int64_t now_utime, const verge_road* road);
+                                 inbox_source source, int64_t now_utime, const verge_road* road);
+static bool          id_taken(const inbox* self, const inbox_slot* slot, inbox_source source,
+                              int64_t now_utime);
 static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
                                      const verge_vehicle_state_t* state);
 static const char*   fault_of(const verge_vehicle_state_t* state, const verge_road* road);
@@ -95,9 +98,16 @@ void inbox_set_limits(inbox* self, const inbox_limits* limits)
 inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
                           const verge_road* road)
 {
-    inbox_verdict verdict = state_judge(self, state, now_utime, road);
+    return inbox_offer_from(self, state, (inbox_source){ 0 }, now_utime, road);
+}
+
+inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
+                               inbox_source source, int64_t now_utime, const verge_road* road)
+{
+    assert(source.bus < INBOX_BUSES_MAX);
+    inbox_verdict verdict = state_judge(self, state, source, now_utime, road);
+    inbox_slot*   slot = slot_of(self, state->vehicle_id);
     if (verdict == INBOX_ACCEPTED) {
-        inbox_slot* slot = slot_of(self, state->vehicle_id);
         if (slot == NULL) {
             slot = slot_free(self, now_utime);
         }
@@ -105,13 +115,25 @@ inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64
             verdict = INBOX_OVER_CAPACITY;
         } else {
             const bool same = slot->used && slot->state.vehicle_id == state->vehicle_id;
-            slot->planned = same && slot->planned;
-            slot->used = true;
+            if (!same) {
+                *slot = (inbox_slot){ .used = true };
+            }
             slot->state = *state;
         }
     }
+    if ((verdict == INBOX_ACCEPTED || verdict == INBOX_DUPLICATE) && source.sender != 0) {
+        slot->heard[source.bus].sender = source.sender;
+        slot->heard[source.bus].utime = state->utime;
+    }
     verdict_count(&self->counters, verdict);
     return verdict;
+}
+
+void inbox_forget_senders(inbox* self)
+{
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        memset(self->slots[i].heard, 0, sizeof self->slots[i].heard);
+    }
 }
 
 void inbox_review(inbox* self, const verge_road* road)
@@ -133,6 +155,7 @@ const char* inbox_verdict_name(inbox_verdict verdict)
     case INBOX_STALE: return "stale";
     case INBOX_DUPLICATE: return "duplicate";
     case INBOX_OUT_OF_ORDER: return "out_of_order";
+    case INBOX_ID_TAKEN:
     case INBOX_ID_CONFLICT: return "id_conflict";
     case INBOX_OFF_MAP: return "off_map";
     case INBOX_OVER_CAPACITY: return "over_capacity";
@@ -275,7 +298,7 @@ static inbox_slot* slot_free(inbox* self, int64_t now_utime)
 
 /// Everything but the question of room.
 static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state,
-                                 int64_t now_utime, const verge_road* road)
+                                 inbox_source source, int64_t now_utime, const verge_road* road)
 {
     const char* fault = fault_of(state, road);
     if (fault != NULL) {
@@ -291,12 +314,25 @@ static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state
     }
     const inbox_slot* slot = slot_of(self, state->vehicle_id);
     if (slot != NULL && age_ms(&slot->state, now_utime) <= self->limits.drop_ms) {
+        if (id_taken(self, slot, source, now_utime)) {
+            return INBOX_ID_TAKEN;
+        }
         const inbox_verdict verdict = successor_judge(self, &slot->state, state);
         if (verdict != INBOX_ACCEPTED) {
             return verdict;
         }
     }
     return on_map(road, state) ? INBOX_ACCEPTED : INBOX_OFF_MAP;
+}
+
+/// Has another sender of this bus spoken for the vehicle lately?
+static bool id_taken(const inbox* self, const inbox_slot* slot, inbox_source source,
+                     int64_t now_utime)
+{
+    const uint64_t holder = slot->heard[source.bus].sender;
+    const double   silent_ms = (double)(now_utime - slot->heard[source.bus].utime) / 1000.0;
+    return source.sender != 0 && holder != 0 && holder != source.sender &&
+           silent_ms <= self->limits.obstacle_ms;
 }
 
 /// Can `state` follow the state held of the same id? Whoever was heard first keeps the id as
@@ -348,6 +384,7 @@ static void verdict_count(inbox_counters* counters, inbox_verdict verdict)
     case INBOX_STALE: counters->rx_stale += 1; break;
     case INBOX_DUPLICATE: counters->rx_duplicate += 1; break;
     case INBOX_OUT_OF_ORDER: counters->rx_out_of_order += 1; break;
+    case INBOX_ID_TAKEN:
     case INBOX_ID_CONFLICT: counters->rx_id_conflict += 1; break;
     case INBOX_OFF_MAP: counters->rx_off_map += 1; break;
     case INBOX_OVER_CAPACITY: counters->rx_over_capacity += 1; break;

@@ -222,6 +222,13 @@ static int lcm_send(void* self, int64_t utime, const char* channel, const uint8_
     return sendmsg(mine->send_fd, &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0 ? -1 : 0;
 }
 
+static void lcm_sender_text(uint64_t sender, char* text, size_t size)
+{
+    const uint32_t address = (uint32_t)(sender >> 16);
+    snprintf(text, size, "%u.%u.%u.%u:%u", (unsigned)(address >> 24), (unsigned)(address >> 16 & 255),
+             (unsigned)(address >> 8 & 255), (unsigned)(address & 255), (unsigned)(sender & 65535));
+}
+
 /// The end of a number and its value in [0, max], or null.
 static const char* number_parse(const char* text, long max, long* value)
 {
@@ -467,5 +474,6 @@ const backend backend_lcm = {
     .ended = lcm_ended,
     .take = lcm_take,
     .send = lcm_send,
+    .sender_text = lcm_sender_text,
     .keeps_time = false,
 };

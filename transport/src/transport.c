@@ -7,6 +7,7 @@
 #include "lcm_auth.h"
 
 #include <assert.h>
+#include <inttypes.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -49,7 +50,7 @@ const char* transport_url_fault(const char* url)
             return NULL;
         }
     }
-    return begins_with(url, "dds:") ? "this build has no DDS (cmake -DVERGE_DDS=ON), " EXPECTED_URL
+    return begins_with(url, "dds:") ? "this build has no DDS (cmake -DVERGE_DDS=ON), expected another bus"
                                     : "unknown bus, " EXPECTED_URL;
 }
 
@@ -103,6 +104,15 @@ void transport_close(transport* bus)
 int transport_fd(const transport* bus)
 {
     return bus->bus->fd(bus->self);
+}
+
+void transport_sender_text(const transport* bus, uint64_t sender, char* text, size_t size)
+{
+    if (bus->bus->sender_text != NULL) {
+        bus->bus->sender_text(sender, text, size);
+    } else {
+        snprintf(text, size, "%016" PRIx64, sender);
+    }
 }
 
 bool transport_ended(const transport* bus)
@@ -206,6 +216,7 @@ static bool admit(transport* bus, const packet* packet, transport_message* messa
         return false;
     }
     message->sender = packet->sender;
+    message->bus = 0;
     message->arrival_utime = packet->utime != 0 ? packet->utime : backend_utime_now();
     return true;
 }

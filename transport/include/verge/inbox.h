@@ -1,13 +1,15 @@
 /// The latest state of every vehicle, and what may be made of it at a plan's instant.
 ///
 ///     inbox_init(&inbox, &limits, vehicles_max, controlled_max);
-///     inbox_offer(&inbox, &message.as.state, utime_now, road);  // every message as it comes
+///     inbox_offer_from(&inbox, &message.as.state, source, utime_now, road); // as each comes
 ///     inbox_snapshot(&inbox, plan_utime, &view);                // once a cycle
 ///     verge_planner_step(planner, plan_utime, view.vehicles, view.count, &plan);
 ///
 /// Isolation   A refused message changes a counter and nothing else: the vehicle keeps its last
 ///             good state until that grows old, and no other vehicle is touched.
-/// Memory      All in the struct (about 15 KiB); nothing allocates.
+/// Senders     An id belongs to the first sender that says it, on each bus, until that falls silent.
+///             Two buses are not compared: who may speak on one may speak for everyone there.
+/// Memory      All in the struct (about 10 KiB); nothing allocates.
 /// Threads     One at a time.
 /// Time        No clock is read. The same offers and snapshots in the same order give the same
 ///             views, bit for bit, so a recording of accepted states repeats the run.
@@ -57,6 +59,8 @@ typedef enum inbox_verdict {
     INBOX_OUT_OF_RANGE,  ///< wire_state_check(), or a target lane the road does not have
     INBOX_FUTURE,        ///< utime more than future_ms ahead
     INBOX_STALE,         ///< older than drop_ms on arrival
+    INBOX_ID_TAKEN,      ///< same id from another sender of the same bus; the first one keeps it
+                         ///< until what it said last is older than obstacle_ms
     INBOX_DUPLICATE,     ///< the utime and position of the state held
     INBOX_OUT_OF_ORDER,  ///< older than the state held
     INBOX_ID_CONFLICT,   ///< same id, but a body that cannot be the same one (jump_m)
@@ -70,11 +74,23 @@ typedef struct inbox_counters {
     uint64_t rx_out_of_range, rx_off_map, rx_over_capacity, rx_id_conflict, rx_dropped;
 } inbox_counters;
 
+enum { INBOX_BUSES_MAX = 4 };
+
+/// Where a state came from. sender 0: not known (a recording).
+typedef struct inbox_source {
+    uint64_t sender; ///< transport_message.sender
+    uint32_t bus;    ///< below INBOX_BUSES_MAX
+} inbox_source;
+
 /// One vehicle's slot. Leave it to inbox.c.
 typedef struct inbox_slot {
     verge_vehicle_state_t state;
     bool used;
     bool planned; ///< asked for a plan in the last snapshot: owed a cancellation when that ends
+    struct {
+        uint64_t sender; ///< 0: none known
+        int64_t  utime;  ///< [us] of the last state it said
+    } heard[INBOX_BUSES_MAX]; ///< who speaks for the vehicle, on each bus
 } inbox_slot;
 
 typedef struct inbox {
@@ -93,9 +109,16 @@ void inbox_init(inbox* self, const inbox_limits* limits, uint32_t vehicles_max,
 /// Other limits from now on; the vehicles stay.
 void inbox_set_limits(inbox* self, const inbox_limits* limits);
 
-/// road null: any place and any target lane will do.
+/// road null: any place and any target lane will do. A vehicle heard on two buses is one vehicle:
+/// what the second bus says again is a duplicate.
+inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
+                               inbox_source source, int64_t now_utime, const verge_road* road);
+/// The same from nobody in particular.
 inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
                           const verge_road* road);
+
+/// After a change of the buses: whoever speaks for a vehicle next may.
+void inbox_forget_senders(inbox* self);
 
 /// After a change of the road: forgets the vehicles that are off it or want a lane it lacks, which
 /// the planner would refuse. They are not counted again; owed cancellations are told.

@@ -134,6 +134,7 @@ typedef struct transport_message {
     transport_kind kind;
     int64_t        arrival_utime; ///< [us] clock at drain; the event's own time for log:
     uint64_t       sender;        ///< who sent it, among the senders of this bus; 0 unknown
+    uint32_t       bus;           ///< 0; whoever drains several buses numbers them here
     union {
         verge_vehicle_state_t state;
         verge_vehicle_plan_t  plan;
@@ -195,6 +196,8 @@ int  transport_fd(const transport* bus);
 /// Takes at most max waiting messages, never blocks. Returns how many; 0 may also mean that a
 /// portion of other channels' messages was skipped and more is waiting (poll says so).
 uint32_t transport_drain(transport* bus, transport_message* messages, uint32_t max);
+/// A sender in words for people, such as 10.1.0.7:40312; cut to size.
+void transport_sender_text(const transport* bus, uint64_t sender, char* text, size_t size);
 /// log: nothing more will come.
 bool transport_ended(const transport* bus);
 

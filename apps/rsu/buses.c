@@ -1,0 +1,94 @@
+#include "buses.h"
+
+#include <string.h>
+
+int buses_open(buses* self, const config* config, void (*log)(void* context, const char* line),
+               char* error, size_t error_size)
+{
+    const unsigned use = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES;
+    transport_options options = config->bus_options.transport;
+    options.log = log;
+    memset(self, 0, sizeof *self);
+    for (uint32_t i = 0; i < config->bus_count; i++) {
+        const int result = transport_open_with(&self->bus[i], config->bus[i], use, &options, error,
+                                               error_size);
+        if (result != TRANSPORT_OK) {
+            buses_close(self);
+            return result;
+        }
+        self->count++;
+    }
+    return TRANSPORT_OK;
+}
+
+void buses_close(buses* self)
+{
+    for (uint32_t i = 0; i < self->count; i++) {
+        transport_close(self->bus[i]);
+    }
+    memset(self, 0, sizeof *self);
+}
+
+void buses_succeed(buses* self, buses* others)
+{
+    self->past = buses_statistics(others);
+    buses_close(others);
+}
+
+uint32_t buses_poll(const buses* self, struct pollfd ends[CONFIG_BUSES_MAX])
+{
+    for (uint32_t i = 0; i < self->count; i++) {
+        ends[i] = (struct pollfd){ .fd = transport_fd(self->bus[i]), .events = POLLIN };
+    }
+    return self->count;
+}
+
+uint32_t buses_drain(buses* self, uint32_t bus, transport_message* messages, uint32_t max)
+{
+    const uint32_t count = transport_drain(self->bus[bus], messages, max);
+    for (uint32_t i = 0; i < count; i++) {
+        messages[i].bus = bus;
+    }
+    return count;
+}
+
+void buses_publish_plan(buses* self, const verge_vehicle_plan_t* plan)
+{
+    for (uint32_t i = 0; i < self->count; i++) {
+        transport_publish_plan(self->bus[i], plan);
+    }
+}
+
+void buses_publish_status(buses* self, const verge_rsu_status_t* status)
+{
+    for (uint32_t i = 0; i < self->count; i++) {
+        transport_publish_status(self->bus[i], status);
+    }
+}
+
+transport_stats buses_statistics(const buses* self)
+{
+    transport_stats sum = self->past;
+    for (uint32_t i = 0; i < self->count; i++) {
+        const transport_stats stats = transport_statistics(self->bus[i]);
+        sum.received += stats.received;
+        sum.published += stats.published;
+        sum.malformed += stats.malformed;
+        sum.foreign += stats.foreign;
+        sum.dropped += stats.dropped;
+        sum.errors += stats.errors;
+        sum.lost += stats.lost;
+        for (uint32_t k = 0; k < TRANSPORT_REFUSALS; k++) {
+            sum.refused[k] += stats.refused[k];
+        }
+    }
+    return sum;
+}
+
+uint64_t buses_trouble(buses* self, uint32_t bus)
+{
+    const uint64_t errors = transport_statistics(self->bus[bus]).errors;
+    const bool     fresh = errors > self->errors_told[bus];
+    self->errors_told[bus] = errors;
+    return fresh ? errors : 0;
+}

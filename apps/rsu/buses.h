@@ -1,0 +1,41 @@
+/// The buses of a configuration as one: states come from all of them, plans and statuses go out on
+/// all, their counters are added up. A bus that is in trouble costs the others nothing.
+///
+/// Memory      As the transports (verge/transport.h).
+/// Threads     One.
+#ifndef VERGE_RSU_BUSES_H
+#define VERGE_RSU_BUSES_H
+
+#include "config.h"
+
+#include <poll.h>
+
+typedef struct buses {
+    transport*      bus[CONFIG_BUSES_MAX];
+    uint32_t        count;
+    uint64_t        errors_told[CONFIG_BUSES_MAX]; ///< of each, in the log already
+    transport_stats past; ///< of buses that were here before
+} buses;
+
+/// Opens all buses of a configuration, or none. What they complain of later goes to log, which may
+/// be null. Returns a transport_result; unless TRANSPORT_OK, error holds one line.
+int  buses_open(buses* self, const config* config, void (*log)(void* context, const char* line),
+                char* error, size_t error_size);
+void buses_close(buses* self); ///< all zero is fine
+
+/// Takes the place of others: their counters go on counting. `others` is closed.
+void buses_succeed(buses* self, buses* others);
+
+/// What to poll for, a descriptor a bus. Returns how many.
+uint32_t buses_poll(const buses* self, struct pollfd ends[CONFIG_BUSES_MAX]);
+/// A portion of the messages that wait on one bus; each says which bus it came from.
+uint32_t buses_drain(buses* self, uint32_t bus, transport_message* messages, uint32_t max);
+
+void buses_publish_plan(buses* self, const verge_vehicle_plan_t* plan);
+void buses_publish_status(buses* self, const verge_rsu_status_t* status);
+
+transport_stats buses_statistics(const buses* self);
+/// Has this bus had errors since the last time this was asked? Their number so far, or 0.
+uint64_t buses_trouble(buses* self, uint32_t bus);
+
+#endif

@@ -27,11 +27,13 @@ calls() {
         done
 }
 setting() { sed -n "s/^$1=//p" "$unit"; }
-for set in $(setting SystemCallFilter); do
-    case $set in
-    ~*) calls "${set#\~}" >>"$work/denied" ;;
-    *) calls "$set" >>"$work/allowed" ;;
-    esac
+setting SystemCallFilter | while read -r line; do # a ~ turns its whole line round
+    for set in ${line#\~}; do
+        case $line in
+        ~*) calls "$set" >>"$work/denied" ;;
+        *) calls "$set" >>"$work/allowed" ;;
+        esac
+    done
 done
 sort -u "$work/allowed" | comm -23 - <(sort -u "$work/denied") >"$work/permitted"
 [ "$(wc -l <"$work/permitted")" -gt 200 ] || fail "systemd's sets could not be read"

@@ -20,8 +20,8 @@ set(CPACK_DEBIAN_DEV_PACKAGE_NAME libverge-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "${VERGE_DEB_DEV_DEPENDS}")
 set(CPACK_COMPONENT_DEV_DESCRIPTION "Joint planning of vehicles at the roadside: the library
-The planner (static, without dependencies at run time), its messages and buses, headers, and
-files for pkg-config and CMake.")
+The planner (static, without dependencies at run time), its messages and
+buses, headers, and files for pkg-config and CMake.")
 
 set(CPACK_DEBIAN_RSU_PACKAGE_NAME verge-rsu)
 set(CPACK_DEBIAN_RSU_PACKAGE_SECTION net)
@@ -32,13 +32,13 @@ set(CPACK_DEBIAN_RSU_PACKAGE_CONTROL_EXTRA
     ${VERGE_PACKAGE_DIR}/verge-rsu/conffiles ${VERGE_PACKAGE_DIR}/verge-rsu/postinst
     ${VERGE_PACKAGE_DIR}/verge-rsu/prerm ${VERGE_PACKAGE_DIR}/verge-rsu/postrm)
 set(CPACK_COMPONENT_RSU_DESCRIPTION "Joint planning of vehicles at the roadside: the daemon
-Hears the states of vehicles over LCM or DDS, decides for them jointly, plans their
-trajectories and broadcasts the plans; with its systemd units and manual.")
+Hears the states of vehicles over LCM or DDS, decides for them jointly, plans
+their trajectories and broadcasts the plans; with its systemd units and manual.")
 
 set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME verge-tools)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SHLIBDEPS ON)
 set(CPACK_COMPONENT_TOOLS_DESCRIPTION "Joint planning of vehicles at the roadside: tools
-Plans and simulates scenarios, stands in for vehicles on a bus, repeats recordings, measures;
-with the scenarios of the paper it comes from.")
+Plans and simulates scenarios, stands in for vehicles on a bus, repeats
+recordings, measures; with the scenarios of the paper it comes from.")
 include(CPack)

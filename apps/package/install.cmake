@@ -93,6 +93,7 @@ install(DIRECTORY apps/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMP
 configure_file(${VERGE_PACKAGE_DIR}/system.cmake.in ${CMAKE_BINARY_DIR}/package/system.cmake @ONLY)
 install(SCRIPT ${CMAKE_BINARY_DIR}/package/system.cmake COMPONENT rsu)
 install(DIRECTORY apps/site/ DESTINATION ${CMAKE_INSTALL_DOCDIR}-rsu/examples COMPONENT rsu)
+install(PROGRAMS tools/certs DESTINATION ${CMAKE_INSTALL_DOCDIR}-rsu/examples COMPONENT rsu)
 
 # Debian wants to know under what terms; each package says so itself.
 foreach(pair dev:libverge-dev rsu:verge-rsu tools:verge-tools)

@@ -93,7 +93,7 @@ if "$bin/verge-rsu" --config "$source_dir/apps/site/rsu-dds-secured.json" --chec
     fail "a secured site without keys is accepted"
 fi
 if grep -q '^VERGE_DDS:BOOL=ON' "$build_dir/CMakeCache.txt"; then
-    "$source_dir/tools/certs" --out "$etc/keys" rsu car7 >"$work/certs.log"
+    "$work/root/usr/share/doc/verge-rsu/examples/certs" --out "$etc/keys" rsu car7 >"$work/certs.log"
     cp "$work/root/usr/share/doc/verge-rsu/examples/rsu-dds-secured.json" "$etc/rsu.json"
     site "$etc/rsu.json" dds:0 --bus-options "$etc/keys/car7.options.json"
 fi

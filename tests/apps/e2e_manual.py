@@ -2,8 +2,8 @@
 """Claim: the manual pages and the completions tell what the programs do.
 
 Every program has a page; the options of --help are those of its page, by name and by the name of
-their value, in the same order; completion offers each of them. Every fault of the daemon stands in
-verge(7) with its number. mandoc finds nothing to warn of. Every page that one names exists.
+their value, in the same order; completion offers each of them. Every fault of the daemon and
+every reason of a fallback stands in verge(7) with its number. mandoc finds nothing to warn of. Every page that one names exists.
 
 Usage: e2e_manual.py --bin DIR
 """
@@ -61,13 +61,14 @@ def check_completion(program, told):
     assert re.search(rf"\b{program.name}\b", source.split("complete -o")[1]), program.name
 
 
-def check_faults():
-    faults = re.findall(r"RSU_FAULT_(\w+) = (\d+),", (ROOT / "apps/rsu/status.h").read_text())
-    assert len(faults) >= 7, faults
-    page = (ROOT / "apps/man/verge.7").read_text()
+def check_codes(section, source, prefix):
+    """The numbered list of a section of verge(7) is the enum of a header."""
+    codes = re.findall(rf"{prefix}(\w+) = (\d+),", (ROOT / source).read_text())
+    codes = [(number, name.lower()) for name, number in codes]
+    page = (ROOT / "apps/man/verge.7").read_text().split(f".Sh {section}\n")[1].split(".Sh ")[0]
     told = re.findall(r"^\.It (\d+) , Cm (\w+)$", page, re.MULTILINE)
-    assert told == [(number, name.lower()) for name, number in faults], \
-        f"verge.7 tells {told}, status.h {faults}"
+    assert len(codes) >= 7 and told in (codes, codes[1:]), \
+        f"verge.7, {section}: {told}, but {source}: {codes}"
 
 
 def check_references():
@@ -95,7 +96,8 @@ def main():
     assert len(programs) >= 7, programs
     for program in programs:
         check_completion(program, check_program(program))
-    check_faults()
+    check_codes("FAULTS", "apps/rsu/status.h", "RSU_FAULT_")
+    check_codes("FALLBACKS", "core/include/verge/plan.h", "VERGE_REASON_")
     check_references()
     check_mandoc()
     print(f"{len(programs)} programs, {len(PAGES)} pages")

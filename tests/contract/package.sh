@@ -24,6 +24,14 @@ for package in libverge-dev verge-rsu verge-tools; do
     dpkg-deb -x "$deb" "$work/root"
 done
 
+# Whoever packages the same again gets the same bytes.
+export SOURCE_DATE_EPOCH=1700000000
+for again in first second; do
+    cpack --config "$build_dir/CPackConfig.cmake" -B "$work/$again" >"$work/cpack.log" 2>&1
+    (cd "$work/$again" && sha256sum ./*.deb) >"$work/$again.sums"
+done
+diff "$work/first.sums" "$work/second.sums" || fail "packaged twice, the packages differ"
+
 deb=$work/made/verge-rsu_${version}_$architecture.deb
 dpkg-deb -e "$deb" "$work/control"
 grep -qE '^Depends: .*adduser.*libc6 .*libcjson1' "$work/control/control" ||

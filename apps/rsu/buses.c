@@ -5,13 +5,12 @@
 int buses_open(buses* self, const config* config, void (*log)(void* context, const char* line),
                char* error, size_t error_size)
 {
-    const unsigned use = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES;
     transport_options options = config->bus_options.transport;
     options.log = log;
     memset(self, 0, sizeof *self);
     for (uint32_t i = 0; i < config->bus_count; i++) {
-        const int result = transport_open_with(&self->bus[i], config->bus[i], use, &options, error,
-                                               error_size);
+        const int result = transport_open_with(&self->bus[i], config->bus[i], BUSES_USE, &options,
+                                               error, error_size);
         if (result != TRANSPORT_OK) {
             buses_close(self);
             return result;

@@ -10,6 +10,9 @@
 
 #include <poll.h>
 
+/// What the daemon does on its buses, for transport_open_with().
+enum { BUSES_USE = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES };
+
 typedef struct buses {
     transport*      bus[CONFIG_BUSES_MAX];
     uint32_t        count;

@@ -140,6 +140,23 @@ static bool ends_here(const arguments* args, int* status)
     return ends;
 }
 
+/// Each bus by itself: what is wrong with one is told whether another is there now or not.
+static int check_bus(const arguments* args, const config* config, const char* url,
+                     char error[CONFIG_ERROR_SIZE])
+{
+    const transport_options* options = &config->bus_options.transport;
+    transport* bus = NULL;
+    const int result = transport_open_with(&bus, url, BUSES_USE, options, error, CONFIG_ERROR_SIZE);
+    transport_close(bus);
+    if (result == TRANSPORT_BAD_URL) {
+        return EXIT_CONFIG;
+    }
+    if (transport_exposed(url, options, error, CONFIG_ERROR_SIZE)) {
+        fprintf(stderr, "%s:bus: warning: %s\n", args->config_path, error);
+    }
+    return 0;
+}
+
 /// Builds the planner and knocks at the bus: what can only be told wrong by trying. A bus that is
 /// not there now is no error of the configuration.
 static int check(const arguments* args, const config* config)
@@ -147,12 +164,8 @@ static int check(const arguments* args, const config* config)
     char error[CONFIG_ERROR_SIZE];
     config_planner built;
     int status = config_planner_build(&built, config, NULL, NULL, error);
-    if (status == 0) {
-        buses buses;
-        if (buses_open(&buses, config, NULL, error, sizeof error) == TRANSPORT_BAD_URL) {
-            status = EXIT_CONFIG;
-        }
-        buses_close(&buses);
+    for (uint32_t i = 0; status == 0 && i < config->bus_count; i++) {
+        status = check_bus(args, config, config->bus[i], error);
     }
     if (status != 0) {
         fprintf(stderr, "%s:%s\n", args->config_path, error);

@@ -63,6 +63,9 @@ typedef struct backend {
                 size_t size);
     /// A sender in words; null: as a number.
     void (*sender_text)(uint64_t sender, char* text, size_t size);
+    /// As transport_exposed(). Null: never.
+    bool (*exposed)(const char* rest, const transport_options* options, char* words,
+                    size_t words_size);
     bool keeps_time; ///< send() stores utime: transport_record() makes sense
 } backend;
 

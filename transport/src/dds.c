@@ -190,6 +190,21 @@ static bool dds_bus_ended(const void* self)
     return false;
 }
 
+static bool dds_bus_exposed(const char* rest, const transport_options* options, char* words,
+                            size_t words_size)
+{
+    char interface[64];
+    if (options->dds_security != NULL ||
+        !dds_config_leaves(options, interface, sizeof interface)) {
+        return false;
+    }
+    snprintf(words, words_size,
+             "dds:%s: in the clear on %s: who is there can speak as any vehicle and as this unit; "
+             "set dds.security (tools/certs makes a set to try), or dds.interfaces to [\"lo\"]",
+             rest, interface);
+    return true;
+}
+
 // ---- moving messages ----------------------------------------------------------------------
 
 /// One sample of one kind. What is no message (a writer's farewell) is passed over.
@@ -550,5 +565,6 @@ const backend backend_dds = {
     .ended = dds_bus_ended,
     .take = dds_bus_take,
     .send = dds_bus_send,
+    .exposed = dds_bus_exposed,
     .keeps_time = false,
 };

@@ -22,6 +22,14 @@ static void put_discovery(text* self, const transport_options* options, uint32_t
 static void put_security(text* self, const transport_dds_security* security);
 static bool interface_known(const char* interface, char* names, size_t names_size);
 
+/// CYCLONEDDS_URI where it decides on the interfaces; else null.
+static const char* environment_chosen(const transport_options* options)
+{
+    const char* environment = getenv("CYCLONEDDS_URI");
+    const bool  given = environment != NULL && environment[0] != '\0';
+    return given && options->dds_interface_count == 0 ? environment : NULL;
+}
+
 bool dds_config_write(const transport_options* options, uint32_t domain, char* bytes, size_t size,
                       char* error, size_t error_size)
 {
@@ -35,9 +43,8 @@ bool dds_config_write(const transport_options* options, uint32_t domain, char* b
         }
     }
     text        self = { .bytes = bytes, .room = size, .whole = true };
-    const char* environment = getenv("CYCLONEDDS_URI");
-    const bool  theirs = options->dds_interface_count == 0 && environment != NULL &&
-                        environment[0] != '\0';
+    const char* environment = environment_chosen(options);
+    const bool  theirs = environment != NULL;
     if (theirs) {
         put(&self, "%s,", environment);
     }
@@ -108,12 +115,16 @@ static void put_interfaces(text* self, const transport_options* options)
     put(self, "</Interfaces><AllowMulticast>spdp</AllowMulticast></General>");
 }
 
+static bool is_loopback(const char* interface)
+{
+    return strcmp(interface, "lo") == 0 || strncmp(interface, "127.", 4) == 0;
+}
+
 /// Is the loopback interface among those in use?
 static bool on_loopback(const transport_options* options)
 {
     for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
-        const char* interface = options->dds_interfaces[i];
-        if (strcmp(interface, "lo") == 0 || strncmp(interface, "127.", 4) == 0) {
+        if (is_loopback(options->dds_interfaces[i])) {
             return true;
         }
     }
@@ -171,6 +182,20 @@ static void put_security(text* self, const transport_dds_security* security)
     put(self, "</AccessControl><Cryptographic><Library path=\"dds_security_crypto\" "
               "initFunction=\"init_crypto\" finalizeFunction=\"finalize_crypto\"/>"
               "</Cryptographic></Security>");
+}
+
+bool dds_config_leaves(const transport_options* options, char* interface, size_t size)
+{
+    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
+        if (!is_loopback(options->dds_interfaces[i])) {
+            snprintf(interface, size, "interface %s", options->dds_interfaces[i]);
+            return true;
+        }
+    }
+    if (environment_chosen(options) != NULL) {
+        snprintf(interface, size, "whatever interface CYCLONEDDS_URI names");
+    }
+    return environment_chosen(options) != NULL;
 }
 
 /// By name or IPv4 address. names gets what there is.

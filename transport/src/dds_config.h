@@ -17,4 +17,7 @@ enum { DDS_CONFIG_SIZE = 16384, DDS_DOMAIN_MAX = 230 }; // the last whose ports 
 bool dds_config_write(const transport_options* options, uint32_t domain, char* text, size_t size,
                       char* error, size_t error_size);
 
+/// Is more than the loopback interface in use? Then interface tells which is.
+bool dds_config_leaves(const transport_options* options, char* interface, size_t size);
+
 #endif

@@ -422,6 +422,42 @@ static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet)
     return true;
 }
 
+/// Does the kernel's way to the group stay on loopback? What loopback sends may have no source.
+static bool stays_here(const struct sockaddr_in* group)
+{
+    struct sockaddr_in self = { 0 };
+    socklen_t          size = sizeof self;
+    const int          probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const bool routed = probe >= 0 &&
+                        connect(probe, (const struct sockaddr*)group, sizeof *group) == 0 &&
+                        getsockname(probe, (struct sockaddr*)&self, &size) == 0;
+    if (probe >= 0) {
+        close(probe);
+    }
+    const uint32_t address = ntohl(self.sin_addr.s_addr);
+    return !routed || address == INADDR_ANY || address >> 24 == IN_LOOPBACKNET;
+}
+
+/// A ttl of 0 keeps our own datagrams here; whom we hear is the route's business.
+static bool lcm_exposed(const char* rest, const transport_options* options, char* words,
+                        size_t words_size)
+{
+    target to;
+    if (!target_parse(&to, rest) ||
+        (options->lcm_auth != NULL && options->lcm_auth->key_count > 0)) {
+        return false;
+    }
+    const bool here = stays_here(&to.group);
+    if (to.ttl == 0 && here) {
+        return false;
+    }
+    snprintf(words, words_size,
+             "lcm:%s: messages are not signed and %s: who is there can speak as any vehicle; set "
+             "lcm.keys and lcm.sign_with, or keep it on loopback with ttl=0, or use secured DDS",
+             rest, here ? "may leave this machine (ttl)" : "the route to the group is a network's");
+    return true;
+}
+
 /// Takes the signature off a good message.
 static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet* packet)
 {
@@ -475,5 +511,6 @@ const backend backend_lcm = {
     .take = lcm_take,
     .send = lcm_send,
     .sender_text = lcm_sender_text,
+    .exposed = lcm_exposed,
     .keeps_time = false,
 };

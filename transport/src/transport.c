@@ -93,6 +93,21 @@ int transport_open_with(transport** bus, const char* url, unsigned receive,
     return TRANSPORT_BAD_URL;
 }
 
+bool transport_exposed(const char* url, const transport_options* options, char* words,
+                       size_t words_size)
+{
+    static const transport_options defaults;
+    for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
+        const char* scheme = backends[i]->scheme;
+        if (begins_with(url, scheme)) {
+            return backends[i]->exposed != NULL &&
+                   backends[i]->exposed(url + strlen(scheme),
+                                        options != NULL ? options : &defaults, words, words_size);
+        }
+    }
+    return false;
+}
+
 void transport_close(transport* bus)
 {
     if (bus != NULL) {

@@ -182,6 +182,11 @@ typedef enum transport_result {
 /// expected, in words.
 const char* transport_url_fault(const char* url);
 
+/// Can strangers hear this bus or speak on it: in the clear, and on more than this machine's
+/// loopback? Then words tells how, and what to do about it. A URL that cannot be opened is not.
+bool transport_exposed(const char* url, const transport_options* options, char* words,
+                       size_t words_size);
+
 /// Opens a bus. On failure *bus is null and error holds one line that says what to do.
 /// options null: the defaults.
 int  transport_open_with(transport** bus, const char* url, unsigned receive,

@@ -26,6 +26,7 @@
 #include "verge/plan.h"
 
 #include <dds/ddsrt/log.h>
+#include <inttypes.h>
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -528,23 +529,37 @@ static void tell(dds* self, const char* format, ...)
     pthread_mutex_unlock(&lock);
 }
 
+/// Which domain of this process a line is about, UINT32_MAX: none in particular. Cyclone 0.10
+/// leaves data->domid as it was on the stack; the header it wrote before the message tells:
+/// "1700000000.123456 [3] recv: ", with nothing between the brackets where there is no domain.
+static uint32_t domain_of(const dds_log_data_t* data)
+{
+    char         header[64];
+    const size_t size = data->hdrsize < sizeof header ? data->hdrsize : sizeof header - 1;
+    memcpy(header, data->message - data->hdrsize, size);
+    header[size] = '\0';
+    const char* bracket = strchr(header, '[');
+    uint32_t    number = UINT32_MAX;
+    return bracket != NULL && sscanf(bracket, "[%" SCNu32 "]", &number) == 1 ? number : UINT32_MAX;
+}
+
 /// Cyclone's own lines: warnings and errors of any thread. Those of no domain in particular go to
 /// every bus.
 static void on_line(void* argument, const dds_log_data_t* data)
 {
     (void)argument;
     char         line[LINE_SIZE];
-    const char*  words = data->message + data->hdrsize;
-    const size_t length = strcspn(words, "\n");
-    snprintf(line, sizeof line, "%.*s", (int)length, words);
+    const size_t length = strcspn(data->message, "\n");
+    snprintf(line, sizeof line, "%.*s", (int)length, data->message);
     if (reason != NULL) {
         memcpy(reason, line, sizeof line);
         return;
     }
+    const uint32_t local = domain_of(data);
     pthread_mutex_lock(&lock);
     for (uint32_t i = 0; i < BUSES_MAX; ++i) {
         dds* self = buses[i];
-        if (self != NULL && (data->domid == UINT32_MAX || data->domid == self->local)) {
+        if (self != NULL && (local == UINT32_MAX || local == self->local)) {
             count_up(&self->counts->errors, (data->priority & DDS_LC_ERROR) != 0 ? 1 : 0);
             note(self, line);
         }

@@ -7,8 +7,8 @@ _verge() {
     # "  --option VALUE   text": what VALUE of the option before the cursor is called, if it has one
     kind=$(printf '%s\n' "$help" | sed -n "s/^  $previous \([A-Z][A-Za-z.]*\) .*/\1/p")
     if [[ $previous != --* || -z $kind ]]; then
-        kind=$(printf '%s\n' "$help" | sed -n '1s/.*\] \([A-Z]*\).*/\1/p') # the argument
-        if [[ $current == -* || -z $kind ]]; then
+        kind=$(printf '%s\n' "$help" | sed -n '1s/.*\] //p') # the argument
+        if [[ $current == -* || -z $kind || $kind == usage:* ]]; then
             kind=OPTION
         fi
     fi
@@ -17,7 +17,7 @@ _verge() {
     LEVEL) words='error warning info debug' ;;
     FORMAT) words='text json' ;;
     URL) words='lcm:udpm:// dds:0 log:' ;;
-    COMMAND) words=$(printf '%s\n' "$help" | sed -n 's/^  \([a-z]*\)  .*/\1/p') ;;
+    *\|*) words=${kind//|/ } ;;
     N | K | S | LIST | NAME) return 0 ;;
     DIR) mapfile -t COMPREPLY < <(compgen -d -- "$current"); return 0 ;;
     *) mapfile -t COMPREPLY < <(compgen -f -- "$current"); return 0 ;;

@@ -57,6 +57,13 @@ def check_completion(program, told):
             assert complete(program, "--" + name, "") == []
         elif kind.endswith(".json") or kind == "FILE":
             assert complete(program, "--" + name, "READ") == ["README.md"], (program.name, name)
+    usage = subprocess.run([program, "--help"], capture_output=True, text=True,
+                           check=True).stdout.split("\n")[0]
+    argument = usage.partition("] ")[2]
+    if "|" in argument:
+        assert complete(program, program.name, "") == argument.split("|")
+    elif argument.endswith(".json"):
+        assert complete(program, program.name, "READ") == ["README.md"]
     source = (ROOT / "apps/completion/verge.bash").read_text()
     assert re.search(rf"\b{program.name}\b", source.split("complete -o")[1]), program.name
 

@@ -73,5 +73,7 @@ extern const backend backend_lcm, backend_loop, backend_log, backend_dds;
 
 /// [us] CLOCK_REALTIME.
 int64_t backend_utime_now(void);
+/// [s] CLOCK_MONOTONIC.
+int64_t backend_now_s(void);
 
 #endif

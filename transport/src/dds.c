@@ -20,6 +20,7 @@
 /// Losing it   Cyclone keeps trying; it says so line by line, which counts as errors.
 #include "backend.h"
 #include "codec.h"
+#include "complaints.h"
 #include "dds_config.h"
 #include "dds_security.h"
 #include "dds_types.h"
@@ -40,17 +41,8 @@ enum {
     KINDS = TRANSPORT_STATUS + 1, // array size; TRANSPORT_NONE is unused
     INSTANCES_MAX = 1024,         // 1.3 MB of plans, 90 KB of states
     BUSES_MAX = 32,               // of a process
-    LINES_MAX = 5,                // told in a second
-    LINE_SIZE = 256,
+    LINE_SIZE = COMPLAINT_SIZE,
 };
-
-/// Cyclone's lines and our own wait here for the thread that drains. A second's first ones are
-/// kept, of the others only how many they were.
-typedef struct notes {
-    char     lines[LINES_MAX][LINE_SIZE];
-    uint32_t count, suppressed;
-    int64_t  next_at_s; ///< [s] monotonic: not told before
-} notes;
 
 typedef struct dds {
     uint32_t     number;   ///< of the URL
@@ -63,15 +55,12 @@ typedef struct dds {
     uint32_t     turn;     ///< the kind looked at first by the next take()
     atomic_bool  full;     ///< a reader had no room
     int64_t      renew_at_s; ///< [s] monotonic: not before
-    void         (*log)(void* context, const char* line);
-    void*        log_context;
-    atomic_bool  noted;    ///< notes wait
-    notes        notes;    ///< guarded by `lock`
+    complaints   complaints;
     transport_message taken;
     uint8_t      bytes[CODEC_SIZE_MAX];
 } dds;
 
-/// Guards the list and the notes of all buses.
+/// Guards the list of all buses.
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static dds*            buses[BUSES_MAX];
 static pthread_once_t  sink_set = PTHREAD_ONCE_INIT;
@@ -88,14 +77,6 @@ static int  writer_open(dds* self, transport_kind kind);
 static void readers_renew(dds* self);
 static void sink_install(void);
 static void tell(dds* self, const char* format, ...) __attribute__((format(printf, 2, 3)));
-static void notes_pass_on(dds* self);
-
-static int64_t now_s(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec;
-}
 
 static bool domain_parse(const char* rest, uint32_t* number)
 {
@@ -136,8 +117,7 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
     made->number = number;
     made->deadline_ms = options->dds_deadline_ms;
     made->counts = counts;
-    made->log = options->log;
-    made->log_context = options->log_context;
+    complaints_init(&made->complaints, options);
     made->fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 
     reason = said;
@@ -177,6 +157,7 @@ static void dds_bus_close(void* self)
     if (mine->fd >= 0) {
         close(mine->fd);
     }
+    complaints_destroy(&mine->complaints);
     free(mine);
 }
 
@@ -250,9 +231,7 @@ static bool any_take(dds* self, packet* packet)
 static take_result dds_bus_take(void* self, packet* packet)
 {
     dds* mine = self;
-    if (atomic_load(&mine->noted)) {
-        notes_pass_on(mine);
-    }
+    complaints_tell(&mine->complaints, backend_now_s());
     if (any_take(mine, packet)) {
         return TAKE_PACKET;
     }
@@ -432,7 +411,7 @@ static int writer_open(dds* self, transport_kind kind)
 /// the next chance.
 static void readers_renew(dds* self)
 {
-    const int64_t now = now_s();
+    const int64_t now = backend_now_s();
     if (now < self->renew_at_s) {
         return;
     }
@@ -477,44 +456,12 @@ static void delist(const dds* self)
     pthread_mutex_unlock(&lock);
 }
 
-/// Under the lock.
-static void note(dds* self, const char* line)
+/// A line is its own kind: what Cyclone says again and again is told seldom.
+static void note(dds* self, const char* words)
 {
-    notes* to = &self->notes;
-    if (to->count < LINES_MAX) {
-        snprintf(to->lines[to->count++], LINE_SIZE, "%s", line);
-    } else {
-        to->suppressed += 1;
-    }
-    atomic_store(&self->noted, true);
-}
-
-/// At most once a second. The lines are told without the lock: whoever hears them may take time.
-static void notes_pass_on(dds* self)
-{
-    const int64_t now = now_s();
-    if (now < self->notes.next_at_s) {
-        return;
-    }
-    pthread_mutex_lock(&lock);
-    const notes taken = self->notes;
-    self->notes = (notes){ .next_at_s = now + 1 };
-    atomic_store(&self->noted, false);
-    pthread_mutex_unlock(&lock);
-    if (self->log == NULL) {
-        return;
-    }
-    char line[LINE_SIZE + 64];
-    for (uint32_t i = 0; i < taken.count; ++i) {
-        const bool more = i + 1 == taken.count && taken.suppressed > 0;
-        const int length = snprintf(line, sizeof line, "dds:%u: %s", (unsigned)self->number,
-                              taken.lines[i]);
-        if (more) {
-            snprintf(line + length, sizeof line - (size_t)length, " (and %u lines more)",
-                     (unsigned)taken.suppressed);
-        }
-        self->log(self->log_context, line);
-    }
+    char line[LINE_SIZE + 16]; // cut to LINE_SIZE when it is added
+    snprintf(line, sizeof line, "dds:%u: %s", (unsigned)self->number, words);
+    complaints_add(&self->complaints, transport_crc32(line, strlen(line)), line);
 }
 
 static void tell(dds* self, const char* format, ...)
@@ -524,9 +471,7 @@ static void tell(dds* self, const char* format, ...)
     va_start(arguments, format);
     vsnprintf(line, sizeof line, format, arguments);
     va_end(arguments);
-    pthread_mutex_lock(&lock);
     note(self, line);
-    pthread_mutex_unlock(&lock);
 }
 
 /// Which domain of this process a line is about, UINT32_MAX: none in particular. Cyclone 0.10

@@ -14,23 +14,22 @@
 ///             nothing changes, where the interface went away it comes back with the new one. A
 ///             receiving socket that is broken is replaced under its old number.
 /// Strangers   Where asked, messages of foreign addresses, and unsigned, forged or replayed ones,
-///             are refused, counted and told once a second: lcm_auth.h. Channels that nobody
+///             are refused, counted and told: lcm_auth.h. Channels that nobody
 ///             asked for are left alone: their senders owe us nothing.
 #include "backend.h"
 #include "codec.h"
+#include "complaints.h"
 #include "lcm_auth.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <inttypes.h>
 #include <netinet/in.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
-#include <time.h>
 #include <unistd.h>
 
 enum {
@@ -47,12 +46,6 @@ typedef struct target {
     int                buffer_size; ///< [B] asked of the kernel; it gives net.core.rmem_max at most
 } target;
 
-/// What was refused for one cause, to be told at most once a second.
-typedef struct complaint {
-    int64_t  told_at_s; ///< [s] monotonic
-    uint64_t untold;
-} complaint;
-
 typedef struct lcm {
     target    to;
     counters* counts;
@@ -67,9 +60,7 @@ typedef struct lcm {
     uint8_t   datagram[ROOM];
     // Both.
     lcm_auth  auth;
-    void    (*log)(void* context, const char* line); ///< may be null
-    void*     log_context;
-    complaint complaints[TRANSPORT_REFUSALS];
+    complaints complaints;
 } lcm;
 
 static bool target_parse(target* to, const char* url);
@@ -81,7 +72,7 @@ static void receiver_mend(lcm* self, bool broken);
 static void count_lost(lcm* self, struct msghdr* message);
 static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet);
 static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet* packet);
-static void complain(lcm* self, transport_refusal refusal, const struct sockaddr_in* from);
+static void complain(lcm* self, transport_refusal refusal, const packet* packet);
 
 static int lcm_open(void** self, const char* rest, unsigned receive,
                     const transport_options* options, counters* counts, char* error,
@@ -107,8 +98,7 @@ static int lcm_open(void** self, const char* rest, unsigned receive,
     made->to = to;
     made->counts = counts;
     made->receive = receive;
-    made->log = options->log;
-    made->log_context = options->log_context;
+    complaints_init(&made->complaints, options);
     made->send_fd = sender_open(&to);
     made->receive_fd = -1;
     const bool wanted = (receive & RECEIVE_MASK) != 0;
@@ -121,6 +111,7 @@ static int lcm_open(void** self, const char* rest, unsigned receive,
             close(made->send_fd);
         }
         lcm_auth_wipe(&made->auth);
+        complaints_destroy(&made->complaints);
         free(made);
         return TRANSPORT_UNAVAILABLE;
     }
@@ -136,6 +127,7 @@ static void lcm_close(void* self)
         close(mine->receive_fd);
     }
     lcm_auth_wipe(&mine->auth);
+    complaints_destroy(&mine->complaints);
     free(mine);
 }
 
@@ -167,6 +159,7 @@ static take_result lcm_take(void* self, packet* packet)
         .msg_control = control,
         .msg_controllen = sizeof control,
     };
+    complaints_tell(&mine->complaints, backend_now_s());
     const ssize_t size = recvmsg(mine->receive_fd, &message, MSG_DONTWAIT);
     if (size < 0) {
         const bool idle = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
@@ -187,7 +180,7 @@ static take_result lcm_take(void* self, packet* packet)
     const transport_refusal refusal = judge(mine, &from, packet);
     if (refusal != TRANSPORT_ADMITTED) {
         count_up(&mine->counts->refused[refusal], 1);
-        complain(mine, refusal, &from);
+        complain(mine, refusal, packet);
         return TAKE_REFUSED;
     }
     return TAKE_PACKET;
@@ -364,12 +357,11 @@ static void explain(char* error, size_t error_size, const char* url, int cause)
 /// At most once a second, without waiting for anything.
 static void receiver_mend(lcm* self, bool broken)
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    if (now.tv_sec < self->retry_at_s) {
+    const int64_t now_s = backend_now_s();
+    if (now_s < self->retry_at_s) {
         return;
     }
-    self->retry_at_s = (int64_t)now.tv_sec + 1;
+    self->retry_at_s = now_s + 1;
     if (!broken) {
         if (group_join(self->receive_fd, &self->to) != 0) {
             count_up(&self->counts->errors, 1);
@@ -481,25 +473,14 @@ static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet
     return refusal;
 }
 
-/// One line a second and cause at most, with how many it stands for and what to do.
-static void complain(lcm* self, transport_refusal refusal, const struct sockaddr_in* from)
+/// A complaint for each cause: whom it was last and what to do.
+static void complain(lcm* self, transport_refusal refusal, const packet* packet)
 {
-    complaint* cause = &self->complaints[refusal];
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    cause->untold += 1;
-    if (self->log == NULL || (int64_t)now.tv_sec == cause->told_at_s) {
-        return;
-    }
-    char line[256];
-    char address[INET_ADDRSTRLEN] = "?";
-    inet_ntop(AF_INET, &from->sin_addr, address, sizeof address);
-    snprintf(line, sizeof line, "lcm: refused %" PRIu64 " as %s, the last from %s:%u: %s",
-             cause->untold, transport_refusal_name(refusal), address,
-             (unsigned)ntohs(from->sin_port), lcm_auth_text(refusal));
-    cause->told_at_s = (int64_t)now.tv_sec;
-    cause->untold = 0;
-    self->log(self->log_context, line);
+    char line[COMPLAINT_SIZE], sender[32];
+    lcm_sender_text(packet->sender, sender, sizeof sender);
+    snprintf(line, sizeof line, "lcm: a message from %s was refused as %s: %s", sender,
+             transport_refusal_name(refusal), lcm_auth_text(refusal));
+    complaints_add(&self->complaints, refusal, line);
 }
 
 const backend backend_lcm = {

@@ -245,6 +245,13 @@ static int publish(transport* bus, int64_t utime, transport_kind kind, const voi
     return result;
 }
 
+int64_t backend_now_s(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec;
+}
+
 int64_t backend_utime_now(void)
 {
     struct timespec now;

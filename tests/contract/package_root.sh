@@ -40,29 +40,46 @@ inside sh -c 'apt-get update -qq && apt-get install -qq --no-install-recommends 
 inside getent passwd verge | grep -q ':/var/lib/verge:/usr/sbin/nologin$' || fail "no user verge"
 [ "$(inside stat -c '%U:%G %a' /etc/verge/keys)" = "root:verge 750" ] ||
     fail "/etc/verge/keys: $(inside stat -c '%U:%G %a' /etc/verge/keys)"
-inside chroot --userspec=verge:verge / /usr/bin/verge-rsu --config /etc/verge/rsu.json \
-    --check-config >"$work/check.log"
 
-# The daemon as its user beside vehicles, both in the fresh system and in a network of their own.
-unshare -n bash -s "$root" "$work" <<'END'
+# site CONFIG BUS PUBLISH_OPTION...: the daemon as its user beside vehicles, both in the fresh
+# system and in a network of their own
+site() {
+    inside chroot --userspec=verge:verge / /usr/bin/verge-rsu --config "$1" --check-config \
+        >"$work/check.log" 2>&1 || { cat "$work/check.log"; fail "$1 is refused"; }
+    unshare -n bash -s "$root" "$work" "$@" <<'END'
 set -euo pipefail
-root=$1 work=$2
+root=$1 work=$2 config=$3 bus=$4
+shift 4
 ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo
-chroot --userspec=verge:verge "$root" /usr/bin/verge-rsu --config /etc/verge/rsu.json \
-    2>"$work/rsu.log" &
+chroot --userspec=verge:verge "$root" /usr/bin/verge-rsu --config "$config" 2>"$work/rsu.log" &
 daemon=$!
 trap 'kill -9 $daemon 2>/dev/null || true' EXIT
 for _ in $(seq 300); do
     ! grep -q event=READY "$work/rsu.log" || break
     sleep 0.1
 done
-chroot "$root" verge-publish /usr/share/verge/scenarios/ramp-case1.json \
-    --bus 'lcm:udpm://239.255.76.67:7667?ttl=0' --duration 5 >"$work/publish.log"
+chroot "$root" verge-publish /usr/share/verge/scenarios/ramp-case1.json --bus "$bus" \
+    --duration 5 "$@" >"$work/publish.log"
 kill -TERM $daemon
 wait $daemon
 trap - EXIT
 END
-grep -q planned "$work/publish.log" || { cat "$work/rsu.log" "$work/publish.log"; fail "no plans"; }
+    grep -q planned "$work/publish.log" ||
+        { cat "$work/rsu.log" "$work/publish.log"; fail "no plans on $2"; }
+}
+site /etc/verge/rsu.json 'lcm:udpm://239.255.76.67:7667?ttl=0'
+if grep -q '^VERGE_DDS:BOOL=ON' "$build_dir/CMakeCache.txt"; then
+    "$source_dir/tools/certs" --out "$root/root/certs" rsu car7 >"$work/certs.log"
+    # As the site's README has it.
+    inside sh -e -c 'cd /root/certs
+        install -o root -g verge -m 0640 identity_ca.crt.pem permissions_ca.crt.pem \
+            governance.p7s rsu.crt.pem rsu.permissions.p7s /etc/verge/keys
+        install -o verge -g verge -m 0600 rsu.key.pem /etc/verge/keys
+        install -m 0644 /usr/share/doc/verge-rsu/examples/rsu-dds-secured.json \
+            /etc/verge/secured.json'
+    site /etc/verge/secured.json dds:0 --bus-options /root/certs/car7.options.json
+    rm "$root/etc/verge/secured.json" # not the package's: it would outlive it
+fi
 
 # An upgrade keeps what the site changed; a purge leaves nothing but the user.
 echo '{ "changed": "by the site" }' >"$root/etc/verge/rsu.json"

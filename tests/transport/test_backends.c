@@ -197,6 +197,36 @@ static void check_delivery(fixture f)
     fixture_close(&f);
 }
 
+/// Every field, whatever is in it, arrives as it was: messages of random bits, compared in LCM's
+/// encoding, on DDS as on LCM.
+static void check_round_trip(fixture f)
+{
+    static transport_message sent, message;
+    test_rng                 rng = test_rng_seeded("round trip");
+    const unsigned           wanted = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES;
+    fixture_open(&f, wanted);
+    for (uint32_t round = 0; round < (f.is_log ? 1u : test_rounds(60)); ++round) {
+        uint8_t  before[CODEC_SIZE_MAX], after[CODEC_SIZE_MAX];
+        uint8_t* bytes = (uint8_t*)&sent.as;
+        for (size_t i = 0; i < sizeof sent.as; ++i) {
+            bytes[i] = (uint8_t)test_rng_next(&rng);
+        }
+        const transport_kind kind = TRANSPORT_STATE + round % 3;
+        const size_t         size = codec_encode(kind, &sent.as, before);
+        switch (kind) {
+        case TRANSPORT_STATE: transport_publish_state(f.sender, &sent.as.state); break;
+        case TRANSPORT_PLAN: transport_publish_plan(f.sender, &sent.as.plan); break;
+        default: transport_publish_status(f.sender, &sent.as.status); break;
+        }
+        fixture_turn(&f, wanted);
+        assert_int_equal(collect(&f, &message, 1), 1);
+        assert_int_equal(message.kind, kind);
+        codec_encode_as_is(kind, &message.as, after);
+        assert_memory_equal(before, after, size);
+    }
+    fixture_close(&f);
+}
+
 static void check_filter(fixture f)
 {
     static transport_message messages[4];
@@ -300,6 +330,7 @@ static void check_senders(fixture f)
 static void check_all(fixture f)
 {
     check_delivery(f);
+    check_round_trip(f);
     check_filter(f);
     check_portions(f);
     if (!f.is_log) { // a log is read after it was written
@@ -349,6 +380,190 @@ static void test_dds_delivers_filters_and_portions(void** state)
         skip();
     }
     check_all((fixture){ .url = "dds:0", .is_dds = true });
+}
+
+// ---------------------------------------------------------------- dds
+
+static transport* dds_open(const char* url, unsigned receive, const transport_options* options)
+{
+    char       error[512] = "";
+    transport* bus = NULL;
+    if (transport_open_with(&bus, url, receive, options, error, sizeof error) != TRANSPORT_OK) {
+        fail_msg("%s", error);
+    }
+    return bus;
+}
+
+static void test_dds_keeps_the_newest_state_of_each_vehicle(void** state)
+{
+    (void)state;
+    if (!dds_is_built_in()) {
+        skip();
+    }
+    static transport_message messages[40];
+    fixture f = { .url = "dds:0", .is_dds = true };
+    fixture_open(&f, TRANSPORT_STATES);
+    for (int32_t sequence = 1; sequence <= 5; ++sequence) {
+        for (int32_t id = 0; id < 4; ++id) {
+            verge_vehicle_state_t now = car(id);
+            now.sequence = sequence;
+            assert_int_equal(transport_publish_state(f.sender, &now), 0);
+        }
+    }
+    nanosleep(&(struct timespec){ .tv_nsec = 500000000 }, NULL); // all there, nobody looked
+    const uint32_t got = collect(&f, messages, 40);
+    assert_true(got >= 4);
+    for (uint32_t i = got - 4; i < got; ++i) {
+        assert_int_equal(messages[i].as.state.sequence, 5);
+    }
+    assert_true(got < 20); // a machine that lags lets us see some older ones, never all
+    struct pollfd fd = { .fd = transport_fd(f.receiver), .events = POLLIN };
+    assert_int_equal(poll(&fd, 1, 0), 0); // empty again, and says so
+    fixture_close(&f);
+}
+
+static void test_dds_gives_the_last_status_to_whoever_comes_later(void** state)
+{
+    (void)state;
+    if (!dds_is_built_in()) {
+        skip();
+    }
+    transport_message        message;
+    const verge_rsu_status_t status = { .rsu_id = 3, .cycle = 17 };
+    fixture f = { .url = "dds:0", .is_dds = true, .sender = dds_open("dds:0", SENDS_ALL, NULL) };
+    transport_publish_status(f.sender, &status);
+    const verge_vehicle_plan_t plan = { .vehicle_id = 3 };
+    transport_publish_plan(f.sender, &plan); // this is for those who are there
+    f.receiver = dds_open("dds:0", TRANSPORT_STATUSES | TRANSPORT_PLANS, NULL);
+    assert_int_equal(collect(&f, &message, 1), 1);
+    assert_int_equal(message.kind, TRANSPORT_STATUS);
+    assert_int_equal(message.as.status.cycle, 17);
+    fixture_close(&f);
+}
+
+static void test_dds_domains_are_apart_and_can_be_opened_again(void** state)
+{
+    (void)state;
+    if (!dds_is_built_in()) {
+        skip();
+    }
+    transport_message message;
+    transport*        elsewhere = dds_open("dds:230", TRANSPORT_STATES, NULL);
+    for (int again = 0; again < 3; ++again) {
+        fixture f = { .url = "dds:0", .is_dds = true };
+        fixture_open(&f, TRANSPORT_STATES);
+        fixture_close(&f);
+    }
+    assert_int_equal(transport_drain(elsewhere, &message, 1), 0);
+    assert_int_equal(transport_statistics(elsewhere).received, 0);
+    transport_close(elsewhere);
+}
+
+static void test_an_interface_that_is_not_there_is_named_with_those_that_are(void** state)
+{
+    (void)state;
+    if (!dds_is_built_in()) {
+        skip();
+    }
+    static const char* const names[] = { "lo", "verge9" };
+    const transport_options  options = { .dds_interfaces = names, .dds_interface_count = 2 };
+    char       error[512] = "";
+    transport* bus = NULL;
+    assert_int_equal(transport_open_with(&bus, "dds:0", TRANSPORT_STATES, &options, error,
+                                         sizeof error), TRANSPORT_UNAVAILABLE);
+    assert_null(bus);
+    assert_non_null(strstr(error, "\"verge9\""));
+    assert_non_null(strstr(error, "lo (127.0.0.1)"));
+
+    // By address as well as by name.
+    static const char* const addresses[] = { "127.0.0.1" };
+    const transport_options  by_address = { .dds_interfaces = addresses, .dds_interface_count = 1 };
+    transport_close(dds_open("dds:0", TRANSPORT_STATES, &by_address));
+}
+
+static void test_dds_recovers_from_more_vehicles_than_a_reader_has_room_for(void** state)
+{
+    (void)state;
+    if (!dds_is_built_in()) {
+        skip();
+    }
+    static transport_message messages[64];
+    fixture f = { .url = "dds:0", .is_dds = true };
+    fixture_open(&f, TRANSPORT_STATES);
+    for (int32_t id = 0; id < 3000; ++id) { // a sender that stays and remembers all of them
+        const verge_vehicle_state_t made_up = car(10000 + id);
+        transport_publish_state(f.sender, &made_up);
+        (void)transport_drain(f.receiver, messages, 64);
+    }
+    assert_true(transport_statistics(f.receiver).dropped > 0);
+    bool heard = false;
+    for (int tries = 0; tries < 1000 && !heard; ++tries) { // honest and new
+        const verge_vehicle_state_t honest = car(7);
+        transport_publish_state(f.sender, &honest);
+        nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
+        const uint32_t got = transport_drain(f.receiver, messages, 64);
+        for (uint32_t i = 0; i < got; ++i) {
+            heard = heard || messages[i].as.state.vehicle_id == 7;
+        }
+    }
+    assert_true(heard);
+    fixture_close(&f);
+}
+
+/// What a bus complained of, line after line.
+static char complaints[8192];
+
+static void keep_complaint(void* context, const char* line)
+{
+    (void)context;
+    const size_t used = strlen(complaints);
+    snprintf(complaints + used, sizeof complaints - used, "%s\n", line);
+}
+
+/// Drains until the words were told, for at most ten seconds; publishes meanwhile if asked to.
+static bool is_told(transport* bus, const char* words, transport* talker)
+{
+    static transport_message messages[16];
+    for (int tries = 0; tries < 1000; ++tries) {
+        nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
+        (void)transport_drain(bus, messages, 16);
+        if (strstr(complaints, words) != NULL) {
+            return true;
+        }
+        if (talker != NULL) {
+            const verge_vehicle_state_t now = car(1);
+            transport_publish_state(talker, &now);
+        }
+    }
+    return false;
+}
+
+static void test_dds_tells_of_senders_that_leave_and_of_deadlines(void** state)
+{
+    (void)state;
+    if (!dds_is_built_in()) {
+        skip();
+    }
+    complaints[0] = '\0';
+    transport_options options = { .log = keep_complaint, .dds_deadline_ms = 700 };
+    fixture f = { .url = "dds:0", .is_dds = true,
+                  .receiver = dds_open("dds:0", TRANSPORT_STATES, &options),
+                  .sender = dds_open("dds:0", SENDS_ALL, NULL) };
+    fixture_meet(&f, f.sender, TRANSPORT_STATES);
+    assert_true(is_told(f.receiver, "no state for 700 ms", NULL)); // it is silent now
+    assert_true(transport_statistics(f.receiver).lost > 0);
+    transport_close(f.sender);
+    f.sender = NULL;
+    assert_true(is_told(f.receiver, "left or fell silent, 0 are there", NULL));
+    fixture_close(&f);
+
+    // Our senders promise half a second; who asks for more does not hear them, and is told.
+    options.dds_deadline_ms = 100;
+    f.receiver = dds_open("dds:0", TRANSPORT_STATES, &options);
+    f.sender = dds_open("dds:0", SENDS_ALL, NULL);
+    assert_true(is_told(f.receiver, "promises no deadline as short", f.sender));
+    assert_int_equal(transport_statistics(f.receiver).received, 0);
+    fixture_close(&f);
 }
 
 // ---------------------------------------------------------------- URLs
@@ -795,6 +1010,12 @@ int main(void)
         cmocka_unit_test(test_log_delivers_filters_and_portions),
         cmocka_unit_test(test_lcm_delivers_filters_and_portions),
         cmocka_unit_test(test_dds_delivers_filters_and_portions),
+        cmocka_unit_test(test_dds_keeps_the_newest_state_of_each_vehicle),
+        cmocka_unit_test(test_dds_gives_the_last_status_to_whoever_comes_later),
+        cmocka_unit_test(test_dds_domains_are_apart_and_can_be_opened_again),
+        cmocka_unit_test(test_an_interface_that_is_not_there_is_named_with_those_that_are),
+        cmocka_unit_test(test_dds_recovers_from_more_vehicles_than_a_reader_has_room_for),
+        cmocka_unit_test(test_dds_tells_of_senders_that_leave_and_of_deadlines),
         cmocka_unit_test(test_urls_that_are_none_are_refused_with_what_was_expected),
         cmocka_unit_test(test_a_missing_log_is_unavailable),
         cmocka_unit_test(test_loop_keeps_the_newest_and_counts_what_it_gave_up),

@@ -968,13 +968,66 @@ static int bus_that_comes_and_goes(void)
     return 0;
 }
 
-static void test_a_bus_that_goes_away_comes_back(void** state)
+static void network_up(bool up)
 {
-    (void)state;
+    const int    fd = socket(AF_INET, SOCK_DGRAM, 0);
+    struct ifreq lo = { .ifr_name = "lo", .ifr_flags = (short)(up ? IFF_UP | IFF_RUNNING : 0) };
+    ioctl(fd, SIOCSIFFLAGS, &lo);
+    close(fd);
+}
+
+/// Publishes until a state comes through, for at most ten seconds.
+static bool passes(transport* from, transport* to)
+{
+    transport_message m;
+    for (int tries = 0; tries < 1000; ++tries) {
+        const verge_vehicle_state_t state = car(5);
+        (void)transport_publish_state(from, &state);
+        nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
+        if (transport_drain(to, &m, 1) == 1) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/// The same on DDS, on an interface that goes down and up.
+static int dds_that_comes_and_goes(void)
+{
+    char       error[512] = "";
+    transport *from = NULL, *to = NULL;
+    if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0 && unshare(CLONE_NEWNET) != 0) {
+        return NO_NETWORKS;
+    }
+    transport_options options = { .log = keep_complaint };
+    EXPECT(transport_open_with(&to, "dds:0", TRANSPORT_STATES, &options, error, sizeof error) ==
+           TRANSPORT_UNAVAILABLE);
+    EXPECT(strstr(error, "ip link set lo up") != NULL && strchr(error, '\n') == NULL);
+    network_up(true);
+    EXPECT(transport_open_with(&to, "dds:0", TRANSPORT_STATES, &options, error, sizeof error) ==
+           TRANSPORT_OK);
+    EXPECT(transport_open(&from, "dds:0", SENDS_ALL, error, sizeof error) == TRANSPORT_OK);
+    EXPECT(passes(from, to) && transport_statistics(to).errors == 0);
+    network_up(false);
+    EXPECT(is_told(to, "the interface lo is down", from));
+    EXPECT(transport_statistics(to).errors > 0);
+    transport_message m;
+    while (transport_drain(to, &m, 1) > 0) {
+    }
+    network_up(true);
+    EXPECT(passes(from, to));
+    EXPECT(is_told(to, "the interface lo is up again", from));
+    transport_close(from);
+    transport_close(to);
+    return 0;
+}
+
+static void in_a_child(int (*body)(void))
+{
     fflush(NULL);
     const pid_t child = fork();
     if (child == 0) {
-        _exit(bus_that_comes_and_goes());
+        _exit(body());
     }
     int status = 0;
     waitpid(child, &status, 0);
@@ -986,6 +1039,21 @@ static void test_a_bus_that_goes_away_comes_back(void** state)
     if (WEXITSTATUS(status) != 0) {
         fail_msg("failed at a line that is %d modulo 64", WEXITSTATUS(status) - 1);
     }
+}
+
+static void test_a_bus_that_goes_away_comes_back(void** state)
+{
+    (void)state;
+    in_a_child(bus_that_comes_and_goes);
+}
+
+static void test_dds_comes_back_with_its_interface(void** state)
+{
+    (void)state;
+    if (!dds_is_built_in()) {
+        skip();
+    }
+    in_a_child(dds_that_comes_and_goes);
 }
 
 static int make_log_path(void** state)
@@ -1027,6 +1095,7 @@ int main(void)
         cmocka_unit_test(test_lcm_logplayer_plays_our_log_to_our_receiver),
         cmocka_unit_test(test_we_read_what_lcm_logger_heard_of_us),
         cmocka_unit_test(test_a_bus_that_goes_away_comes_back),
+        cmocka_unit_test(test_dds_comes_back_with_its_interface),
     };
     return cmocka_run_group_tests(tests, make_log_path, remove_log);
 }

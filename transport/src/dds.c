@@ -17,7 +17,9 @@
 /// Silence     Writers promise liveliness and a deadline; a sender that leaves or falls silent is
 ///             counted and told. What becomes of its vehicle is decided by the age of its state.
 /// Polling     An eventfd, raised by Cyclone's threads when something arrives.
-/// Losing it   Cyclone keeps trying; it says so line by line, which counts as errors.
+/// Losing it   Cyclone keeps trying, and does not say that nothing gets through: once a second the
+///             interfaces are looked at; while one is down each look counts as an error. What
+///             Cyclone does call an error counts, too.
 #include "backend.h"
 #include "codec.h"
 #include "complaints.h"
@@ -55,6 +57,10 @@ typedef struct dds {
     uint32_t     turn;     ///< the kind looked at first by the next take()
     atomic_bool  full;     ///< a reader had no room
     int64_t      renew_at_s; ///< [s] monotonic: not before
+    int64_t      watched_at_s; ///< [s] monotonic: the last look at the interfaces
+    char         interfaces[DDS_INTERFACES_MAX][IF_NAMESIZE];
+    bool         is_down[DDS_INTERFACES_MAX]; ///< as told
+    uint32_t     interface_count;
     complaints   complaints;
     transport_message taken;
     uint8_t      bytes[CODEC_SIZE_MAX];
@@ -75,6 +81,7 @@ static int  ends_open(dds* self, unsigned receive);
 static int  reader_open(dds* self, transport_kind kind);
 static int  writer_open(dds* self, transport_kind kind);
 static void readers_renew(dds* self);
+static void interfaces_watch(dds* self);
 static void sink_install(void);
 static void tell(dds* self, const char* format, ...) __attribute__((format(printf, 2, 3)));
 
@@ -116,6 +123,7 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
     }
     made->number = number;
     made->deadline_ms = options->dds_deadline_ms;
+    made->interface_count = dds_config_interfaces(options, made->interfaces);
     made->counts = counts;
     complaints_init(&made->complaints, options);
     made->fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
@@ -231,6 +239,7 @@ static bool any_take(dds* self, packet* packet)
 static take_result dds_bus_take(void* self, packet* packet)
 {
     dds* mine = self;
+    interfaces_watch(mine);
     complaints_tell(&mine->complaints, backend_now_s());
     if (any_take(mine, packet)) {
         return TAKE_PACKET;
@@ -426,6 +435,24 @@ static void readers_renew(dds* self)
             count_up(&self->counts->errors, 1);
             tell(self, "the reader of %s could not be made again", codec_channel((transport_kind)kind));
         }
+    }
+}
+
+static void interfaces_watch(dds* self)
+{
+    const int64_t now = backend_now_s();
+    if (now == self->watched_at_s) {
+        return;
+    }
+    self->watched_at_s = now;
+    for (uint32_t i = 0; i < self->interface_count; ++i) {
+        const bool down = !dds_config_interface_up(self->interfaces[i]);
+        if (down != self->is_down[i]) {
+            tell(self, "the interface %s %s", self->interfaces[i],
+                 down ? "is down, nobody is reached there" : "is up again");
+        }
+        self->is_down[i] = down;
+        count_up(&self->counts->errors, down ? 1 : 0);
     }
 }
 

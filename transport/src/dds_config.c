@@ -6,6 +6,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 /// Text that grows to the end of its room and remembers when it did not fit.
 typedef struct text {
@@ -20,7 +23,10 @@ static void put_interfaces(text* self, const transport_options* options);
 static void put_discovery(text* self, const transport_options* options, uint32_t domain,
                           bool theirs);
 static void put_security(text* self, const transport_dds_security* security);
-static bool interface_known(const char* interface, char* names, size_t names_size);
+static bool interface_known(const char* interface, char name[IF_NAMESIZE], char* names,
+                            size_t names_size);
+static bool interfaces_check(const transport_options* options, uint32_t domain, char* error,
+                             size_t error_size);
 
 /// CYCLONEDDS_URI where it decides on the interfaces; else null.
 static const char* environment_chosen(const transport_options* options)
@@ -33,14 +39,8 @@ static const char* environment_chosen(const transport_options* options)
 bool dds_config_write(const transport_options* options, uint32_t domain, char* bytes, size_t size,
                       char* error, size_t error_size)
 {
-    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
-        char names[256];
-        if (!interface_known(options->dds_interfaces[i], names, sizeof names)) {
-            snprintf(error, error_size,
-                     "dds:%u: this machine has no interface \"%.64s\" (dds.interfaces), expected "
-                     "one of:%s", (unsigned)domain, options->dds_interfaces[i], names);
-            return false;
-        }
+    if (!interfaces_check(options, domain, error, error_size)) {
+        return false;
     }
     text        self = { .bytes = bytes, .room = size, .whole = true };
     const char* environment = environment_chosen(options);
@@ -198,26 +198,87 @@ bool dds_config_leaves(const transport_options* options, char* interface, size_t
     return environment_chosen(options) != NULL;
 }
 
-/// By name or IPv4 address. names gets what there is.
-static bool interface_known(const char* interface, char* names, size_t names_size)
+static bool interfaces_check(const transport_options* options, uint32_t domain, char* error,
+                             size_t error_size)
+{
+    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
+        char name[IF_NAMESIZE], names[256];
+        if (!interface_known(options->dds_interfaces[i], name, names, sizeof names)) {
+            snprintf(error, error_size,
+                     "dds:%u: this machine has no interface \"%.64s\" (dds.interfaces), expected "
+                     "one of:%s", (unsigned)domain, options->dds_interfaces[i], names);
+            return false;
+        }
+    }
+    char           names[DDS_INTERFACES_MAX][IF_NAMESIZE];
+    const uint32_t count = dds_config_interfaces(options, names);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!dds_config_interface_up(names[i])) {
+            snprintf(error, error_size, "dds:%u: the interface %s is down; run: ip link set %s up",
+                     (unsigned)domain, names[i], names[i]);
+            return false;
+        }
+    }
+    return true;
+}
+
+/// By name or IPv4 address. name gets its name, names all there are.
+static bool interface_known(const char* interface, char name[IF_NAMESIZE], char* names,
+                            size_t names_size)
 {
     struct ifaddrs* all = NULL;
     bool            known = false;
     text            list = { .bytes = names, .room = names_size, .whole = true };
     names[0] = '\0';
+    snprintf(name, IF_NAMESIZE, "%.*s", IF_NAMESIZE - 1, interface);
     if (getifaddrs(&all) != 0) {
         return true; // then Cyclone says what is wrong
     }
     for (const struct ifaddrs* one = all; one != NULL; one = one->ifa_next) {
+        const bool named = strcmp(interface, one->ifa_name) == 0;
+        known = known || named; // one that is down has no address
         if (one->ifa_addr == NULL || one->ifa_addr->sa_family != AF_INET) {
             continue;
         }
         char                      address[INET_ADDRSTRLEN] = "";
         const struct sockaddr_in* in = (const struct sockaddr_in*)(const void*)one->ifa_addr;
         (void)inet_ntop(AF_INET, &in->sin_addr, address, sizeof address);
-        known = known || strcmp(interface, one->ifa_name) == 0 || strcmp(interface, address) == 0;
+        if (strcmp(interface, address) == 0) {
+            known = true;
+            snprintf(name, IF_NAMESIZE, "%.*s", IF_NAMESIZE - 1, one->ifa_name);
+        }
         put(&list, " %s (%s)", one->ifa_name, address);
     }
     freeifaddrs(all);
     return known;
+}
+
+uint32_t dds_config_interfaces(const transport_options* options,
+                               char names[DDS_INTERFACES_MAX][IF_NAMESIZE])
+{
+    if (environment_chosen(options) != NULL) {
+        return 0;
+    }
+    uint32_t count = 0;
+    for (; count < options->dds_interface_count && count < DDS_INTERFACES_MAX; ++count) {
+        char all[256];
+        (void)interface_known(options->dds_interfaces[count], names[count], all, sizeof all);
+    }
+    if (count == 0) {
+        strcpy(names[count++], "lo");
+    }
+    return count;
+}
+
+bool dds_config_interface_up(const char* name)
+{
+    struct ifreq request = { 0 };
+    const int    probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    snprintf(request.ifr_name, sizeof request.ifr_name, "%.*s", IF_NAMESIZE - 1, name);
+    const bool asked = probe >= 0 && ioctl(probe, SIOCGIFFLAGS, &request) == 0;
+    if (probe >= 0) {
+        close(probe);
+    }
+    const int works = IFF_UP | IFF_RUNNING;
+    return asked && (request.ifr_flags & works) == works;
 }

@@ -11,11 +11,23 @@
 
 #include "verge/transport.h"
 
-enum { DDS_CONFIG_SIZE = 16384, DDS_DOMAIN_MAX = 230 }; // the last whose ports are below 65536
+#include <net/if.h>
+
+enum {
+    DDS_CONFIG_SIZE = 16384,
+    DDS_DOMAIN_MAX = 230, // the last whose ports are below 65536
+    DDS_INTERFACES_MAX = 8,
+};
 
 /// Writes the configuration of the domain, a text for dds_create_domain(). False: error has a line.
 bool dds_config_write(const transport_options* options, uint32_t domain, char* text, size_t size,
                       char* error, size_t error_size);
+
+/// The names of the interfaces in use; none where CYCLONEDDS_URI chooses them.
+uint32_t dds_config_interfaces(const transport_options* options,
+                               char names[DDS_INTERFACES_MAX][IF_NAMESIZE]);
+/// Does the interface work? Allocates nothing.
+bool dds_config_interface_up(const char* name);
 
 /// Is more than the loopback interface in use? Then interface tells which is.
 bool dds_config_leaves(const transport_options* options, char* interface, size_t size);

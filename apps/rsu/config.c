@@ -342,6 +342,30 @@ void config_planner_free(config_planner* built)
     memset(built, 0, sizeof *built);
 }
 
+bool config_may_follow(const config* self, const config* next, char error[CONFIG_ERROR_SIZE])
+{
+    const char* key = service_changed(&self->service, &next->service);
+    if (key != NULL) {
+        snprintf(error, CONFIG_ERROR_SIZE,
+                 "%s: differs from what the daemon was started with, expected the same until it "
+                 "is restarted", key);
+        return false;
+    }
+    verge_memory_term now[VERGE_MEMORY_TERMS], then[VERGE_MEMORY_TERMS];
+    verge_planner_memory_terms(&self->planner, now);
+    verge_planner_memory_terms(&next->planner, then);
+    for (int i = 0; i < VERGE_MEMORY_TERMS; i++) {
+        if (now[i].size != then[i].size) {
+            snprintf(error, CONFIG_ERROR_SIZE,
+                     "planner: its memory would change from %zu to %zu bytes (%s), expected the "
+                     "same until the daemon is restarted", now[i].size, then[i].size,
+                     then[i].text != NULL ? then[i].text : now[i].text);
+            return false;
+        }
+    }
+    return true;
+}
+
 cycle_def config_cycle_def(const config* self, const config_planner* built)
 {
     const cycle_def def = {

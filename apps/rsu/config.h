@@ -108,6 +108,10 @@ int  config_planner_build(config_planner* built, const config* self, verge_execu
                           void* executor_context, char error[CONFIG_ERROR_SIZE]);
 void config_planner_free(config_planner* built);
 
+/// May the next configuration take force without a restart? Memory is settled at the start, and so
+/// is what service_changed() names. False: one line in error, with the remedy.
+bool config_may_follow(const config* self, const config* next, char error[CONFIG_ERROR_SIZE]);
+
 /// What a cycle needs of a configuration and its planner.
 cycle_def config_cycle_def(const config* self, const config_planner* built);
 

@@ -12,6 +12,9 @@
 #include "log.h"
 #include "notify.h"
 #include "realtime.h"
+#include "replace.h"
+#include "report.h"
+#include "server.h"
 #include "status.h"
 #include "worker.h"
 
@@ -32,6 +35,7 @@
 enum {
     DRAIN_BATCH = 64,
     DRAIN_ROUNDS_MAX = 64,   // before a cycle: the whole socket buffer, but not a flood's length
+    OWN_ENDS = 4,            // descriptors of the loop itself: signals, planning, timers
     STATUS_PERIOD_MS = 1000, // contract: 1 Hz and on change
 };
 
@@ -58,6 +62,9 @@ typedef struct live {
     uint64_t       refusals;     // rx refusals already in the log
     uint64_t       over_capacity; // the same of these alone
     notify         notify;       // the service manager
+    server*        control;      // verge-ctl; null: not asked for
+    server*        metrics;      // Prometheus; null: not asked for
+    int            metrics_errno; // of the last time the metrics file was written
     status         status;
     cycle          cycle;
     transport_message inbound[DRAIN_BATCH];
@@ -96,6 +103,7 @@ static int  load(live* self);
 static int  open_ends(live* self);
 static void block_signals(void);
 static int  open_descriptors(live* self);
+static int  open_servers(live* self);
 static void open_notify(live* self);
 static int  fail(int code, const char* line);
 static void arm(int timer_fd, uint32_t period_ms);
@@ -109,6 +117,9 @@ static int start(live* self)
     }
     if (code == 0) {
         code = open_descriptors(self);
+    }
+    if (code == 0) {
+        code = open_servers(self);
     }
     if (code != 0) {
         return code;
@@ -231,6 +242,7 @@ static sigset_t own_signals(void)
     sigaddset(&signals, SIGTERM);
     sigaddset(&signals, SIGINT);
     sigaddset(&signals, SIGHUP);
+    sigaddset(&signals, SIGUSR1);
     return signals;
 }
 
@@ -239,6 +251,7 @@ static void block_signals(void)
     const sigset_t signals = own_signals();
     sigprocmask(SIG_BLOCK, &signals, NULL);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); // a file at its limit is a write that fails
 }
 
 static int open_descriptors(live* self)
@@ -256,6 +269,32 @@ static int open_descriptors(live* self)
     if (self->worker == NULL) {
         realtime_explain(service, errno, error, sizeof error);
         return fail(EXIT_OS, error);
+    }
+    return 0;
+}
+
+static void on_control(void* context, const char* request, text* answer);
+static void on_scrape(void* context, const char* request, text* answer);
+
+/// The operators' ends, if any are asked for; and then, everything being there, memory is locked.
+static int open_servers(live* self)
+{
+    char error[CONFIG_ERROR_SIZE] = "";
+    char line[CONFIG_ERROR_SIZE + 32];
+    const service*   service = &self->config->service;
+    const server_def control = { "\n", REPORT_SIZE, on_control, self };
+    const server_def metrics = { "\r\n\r\n", REPORT_METRICS_SIZE, on_scrape, self };
+    if (service->control[0] != '\0' &&
+        !server_open_unix(&self->control, &control, service->control, error, sizeof error)) {
+        snprintf(line, sizeof line, "control: %s", error);
+        return fail(EXIT_OS, line);
+    }
+    if (service->metrics_listen[0] != '\0' &&
+        !server_open_tcp(&self->metrics, &metrics,
+                         (const struct sockaddr*)&service->metrics_address,
+                         service->metrics_address_size, error, sizeof error)) {
+        snprintf(line, sizeof line, "metrics.listen: %s", error);
+        return fail(EXIT_OS, line);
     }
     return realtime_lock(service, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
@@ -292,13 +331,16 @@ static void loop(live* self)
 {
     const int64_t limit = self->options->cycles;
     for (;;) {
-        struct pollfd ends[4 + CONFIG_BUSES_MAX] = {
+        struct pollfd ends[OWN_ENDS + CONFIG_BUSES_MAX + 2 * SERVER_ENDS] = {
             { .fd = self->signal_fd, .events = POLLIN },
             { .fd = worker_fd(self->worker), .events = POLLIN },
             { .fd = self->cycle_fd, .events = POLLIN },
             { .fd = self->status_fd, .events = POLLIN },
         };
-        const uint32_t count = 4 + buses_poll(&self->buses, ends + 4);
+        uint32_t count = OWN_ENDS;
+        count += buses_poll(&self->buses, ends + count);
+        count += server_ends(self->control, ends + count);
+        count += server_ends(self->metrics, ends + count);
         if (poll(ends, count, STATUS_PERIOD_MS) < 0 && errno != EINTR) {
             log_event(LOG_ERROR, "poll", "error=%s", strerror(errno));
         }
@@ -315,6 +357,10 @@ static void loop(live* self)
         on_tick(self);
         on_status_due(self);
         tell_changes(self);
+        // Operators come last: nothing waits for them.
+        const int64_t now = clock_us(CLOCK_MONOTONIC);
+        server_serve(self->control, now);
+        server_serve(self->metrics, now);
     }
 }
 
@@ -506,6 +552,7 @@ static void send_messages(live* self)
 static void watch_bus(live* self, int64_t now);
 static void send_status(live* self, int64_t now);
 static void tell_manager(live* self, int64_t now);
+static void write_metrics(live* self, int64_t now);
 
 static void tell_refusals(live* self, const transport_stats* bus);
 
@@ -527,6 +574,7 @@ static void on_status_due(live* self)
     tell_refusals(self, &stats);
     send_status(self, now);
     tell_manager(self, now);
+    write_metrics(self, now);
 }
 
 /// What `systemctl status` shows.
@@ -575,11 +623,16 @@ static void tell_changes(live* self)
     }
 }
 
-static void send_status(live* self, int64_t now)
+static verge_rsu_status_t status_now(const live* self, int64_t now)
 {
     const transport_stats stats = buses_statistics(&self->buses);
-    const verge_rsu_status_t message = status_message(
-        &self->status, self->config, &self->cycle, &stats, clock_us(CLOCK_REALTIME), now);
+    return status_message(&self->status, self->config, &self->cycle, &stats,
+                          clock_us(CLOCK_REALTIME), now);
+}
+
+static void send_status(live* self, int64_t now)
+{
+    const verge_rsu_status_t message = status_now(self, now);
     buses_publish_status(&self->buses, &message);
     self->told_state = (rsu_state)message.state;
     self->told_fault = (rsu_fault)message.fault;
@@ -598,9 +651,87 @@ static void watch_bus(live* self, int64_t now)
     }
 }
 
+// ---- operators ----------------------------------------------------------------------------
+
+static bool reload(live* self, char error[CONFIG_ERROR_SIZE]);
+
+/// verge-ctl asks: one word, one line of JSON back.
+static void on_control(void* context, const char* request, text* answer)
+{
+    live* self = context;
+    char  error[CONFIG_ERROR_SIZE];
+    if (request != NULL && strcmp(request, "status") == 0) {
+        const verge_rsu_status_t status = status_now(self, clock_us(CLOCK_MONOTONIC));
+        report_status(answer, self->config, &status);
+    } else if (request != NULL && strcmp(request, "vehicles") == 0) {
+        report_vehicles(answer, &self->cycle);
+    } else if (request != NULL && strcmp(request, "plans") == 0) {
+        report_plans(answer, &self->cycle);
+    } else if (request != NULL && strcmp(request, "reload") == 0) {
+        const bool accepted = reload(self, error);
+        text_add(answer, "{\"accepted\":%s,\"reason\":", accepted ? "true" : "false");
+        text_add_string(answer, accepted ? "" : error);
+        text_add(answer, "}\n");
+    } else {
+        text_add(answer, "{\"error\":\"unknown request, expected status, vehicles, plans or "
+                 "reload\"}\n");
+    }
+}
+
+/// Prometheus asks.
+static void on_scrape(void* context, const char* request, text* answer)
+{
+    static const char GET[] = "GET /metrics";
+    live* self = context;
+    const bool get = request != NULL && strncmp(request, "GET ", 4) == 0;
+    const char after = get ? request[strlen(request) < sizeof GET - 1 ? 0 : sizeof GET - 1] : '\0';
+    const bool here = get && strncmp(request, GET, sizeof GET - 1) == 0 &&
+                      (after == ' ' || after == '?');
+    const char* status = here ? "200 OK" : get ? "404 Not Found" : "405 Method Not Allowed";
+    text_add(answer, "HTTP/1.1 %s\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\n"
+             "Connection: close\r\n\r\n", request != NULL ? status : "400 Bad Request");
+    if (here) {
+        const verge_rsu_status_t message = status_now(self, clock_us(CLOCK_MONOTONIC));
+        report_metrics(answer, &message, &self->cycle);
+    }
+}
+
+/// The same as a file, for collectors that read files. Trouble is told when it changes.
+static void write_metrics(live* self, int64_t now)
+{
+    const char* path = self->config->service.metrics_file;
+    if (path[0] == '\0') {
+        return;
+    }
+    static char buffer[REPORT_METRICS_SIZE];
+    text out = text_in(buffer, sizeof buffer);
+    const verge_rsu_status_t message = status_now(self, now);
+    report_metrics(&out, &message, &self->cycle);
+    const int trouble = replace_file(path, out.bytes, out.size);
+    if (trouble != 0 && trouble != self->metrics_errno) {
+        log_event(LOG_WARNING, "metrics_failed", "file=\"%s\" error=\"%s\"", path,
+                  strerror(trouble));
+    }
+    self->metrics_errno = trouble;
+}
+
+/// On SIGUSR1: what has been counted so far, on one line.
+static void log_statistics(const live* self)
+{
+    const verge_rsu_status_t status = status_now(self, clock_us(CLOCK_MONOTONIC));
+    log_event(LOG_ALWAYS, "statistics",
+              "state=%s fault=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
+              "cycle_us_max=%d deadline_misses=%d plans=%d fallbacks=%d overruns=%" PRIu64
+              " rx_accepted=%d arena_peak_bytes=%" PRId64 " nodes_peak=%d",
+              rsu_state_name((rsu_state)status.state), rsu_fault_name((rsu_fault)status.fault),
+              status.cycle, status.vehicles_seen, status.vehicles_controlled, status.cycle_us_p99,
+              status.cycle_us_max, status.deadline_misses, status.plans_sent, status.fallbacks,
+              self->cycle.counters.overruns, status.rx_accepted, status.arena_peak_bytes,
+              status.nodes_peak);
+}
+
 // ---- signals, new configuration -----------------------------------------------------------
 
-static void reload(live* self);
 static void drop_next(live* self);
 
 /// True: it is time to stop.
@@ -608,27 +739,34 @@ static bool on_signals(live* self)
 {
     struct signalfd_siginfo info;
     while (read(self->signal_fd, &info, sizeof info) == (ssize_t)sizeof info) {
-        if (info.ssi_signo != SIGHUP) {
+        char error[CONFIG_ERROR_SIZE];
+        if (info.ssi_signo == SIGHUP) {
+            reload(self, error);
+        } else if (info.ssi_signo == SIGUSR1) {
+            log_statistics(self);
+        } else {
             log_event(LOG_INFO, "stopping", "signal=%s",
                       info.ssi_signo == SIGTERM ? "SIGTERM" : "SIGINT");
             return true;
         }
-        reload(self);
     }
     return false;
 }
 
 /// Reads and builds everything the new configuration needs; it takes force at the next cycle.
-/// Whatever goes wrong, the old one stays in force as if nothing had been asked.
-static void reload(live* self)
+/// Whatever goes wrong, the old one stays in force as if nothing had been asked, and error holds
+/// the reason.
+static bool reload(live* self, char error[CONFIG_ERROR_SIZE])
 {
-    char error[CONFIG_ERROR_SIZE] = "";
     char reloading[64];
     snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
              clock_us(CLOCK_MONOTONIC));
     notify_send(&self->notify, reloading);
     drop_next(self);
     int code = config_load(&self->next_config, self->options->config_path, error);
+    if (code == 0 && !config_may_follow(self->config, self->next_config, error)) {
+        code = EXIT_CONFIG;
+    }
     if (code == 0) {
         code = pool_start(&self->next_pool, self->next_config, error);
     }
@@ -639,16 +777,17 @@ static void reload(live* self)
     }
     if (code == 0 && !config_same_buses(self->next_config, self->config)) {
         code = buses_open(&self->next_buses, self->next_config, log_complaint, error,
-                          sizeof error);
+                          CONFIG_ERROR_SIZE);
     }
     if (code == 0) {
-        return;
+        return true;
     }
     log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
               self->config->config_crc32, log_words(error));
     status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
     notify_send(&self->notify, "READY=1");
     drop_next(self);
+    return false;
 }
 
 static void drop_next(live* self)
@@ -710,6 +849,7 @@ static int stop(live* self)
     send_messages(self);
     self->status.stopping = true;
     send_status(self, clock_us(CLOCK_MONOTONIC));
+    write_metrics(self, clock_us(CLOCK_MONOTONIC));
     log_event(LOG_INFO, "stopped",
               "cycles=%" PRId64 " plans=%" PRIu64 " fallbacks=%" PRIu64 " deadline_misses=%" PRIu64,
               self->cycle_count, self->cycle.counters.plans, self->cycle.counters.fallbacks,
@@ -718,6 +858,7 @@ static int stop(live* self)
         // The contract gives us a second; a planning step may take longer, and nobody needs its
         // plan any more. The recording is complete without it.
         transport_close(self->record);
+        server_close(self->control);
         _exit(0);
     }
     release(self);
@@ -727,6 +868,8 @@ static int stop(live* self)
 static void release(live* self)
 {
     notify_close(&self->notify);
+    server_close(self->control);
+    server_close(self->metrics);
     worker_destroy(self->worker);
     drop_next(self);
     transport_close(self->record);

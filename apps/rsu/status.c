@@ -1,5 +1,7 @@
 #include "status.h"
 
+#include "common/message_json.h"
+
 #include <string.h>
 
 /// Counters on the wire stop at the largest number instead of wrapping to a negative one.
@@ -17,16 +19,12 @@ static int32_t bits_i32(uint32_t bits)
 
 const char* rsu_fault_name(rsu_fault fault)
 {
-    static const char* const NAMES[RSU_FAULT_COUNT] = {
-        "none", "config", "record", "capacity", "deadline", "bus", "id_conflict", "planner",
-    };
-    return NAMES[fault];
+    return message_rsu_fault((int32_t)fault);
 }
 
 const char* rsu_state_name(rsu_state state)
 {
-    static const char* const NAMES[] = { "starting", "waiting", "running", "degraded", "stopping" };
-    return NAMES[state];
+    return message_rsu_state((int32_t)state);
 }
 
 void status_fault(status* self, rsu_fault fault, int64_t now, bool lasting)

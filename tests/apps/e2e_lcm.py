@@ -23,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 import zlib
 
 from daemon_rig import shared_library
@@ -513,14 +514,27 @@ def a_thousand_cycles_allocate_nothing(rig):
                    check=True)
     counts = rig.folder / "heap.txt"
     env = dict(os.environ, LD_PRELOAD=str(guard), HEAP_GUARD_FILE=str(counts))
-    config = rig.config(cycle_ms=20, planner=dict(QUICK, iterations=20, threads=2))
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    control = rig.folder / "heap.sock"
+    config = rig.config(cycle_ms=20, planner=dict(QUICK, iterations=20, threads=2),
+                        control=str(control), log_format="json",
+                        metrics={"listen": f"127.0.0.1:{port}", "file": "heap.prom"})
     with Daemon(rig, config, "--record", rig.folder / "heap.lcmlog", env=env) as rsu:
         bus = Bus()
         vehicles = three_and_a_human()
         bus.drive(vehicles, 0.5)
         first = bus.plans[-1][1].cycle
         rsu.signal(signal.SIGUSR2)
-        bus.drive(vehicles, 20.5)
+        for _ in range(20): # operators look on all the while
+            bus.drive(vehicles, 1.025)
+            for what in ("status", "vehicles", "plans"):
+                code, out, error = rig.run(rig.bin / "verge-ctl", what, "--socket", control)
+                check(code == 0, error)
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+                check(b"verge_plans_sent_total" in answer.read(), "figures")
+            rsu.signal(signal.SIGUSR1)
         rsu.signal(signal.SIGUSR2)
         bus.drive(vehicles, 0.5)
         cycles = bus.plans[-1][1].cycle - first

@@ -1,0 +1,24 @@
+/// The messages of the bus as JSON, every field by its name on the wire. NaN is null; a digest is
+/// 16 hexadecimal digits in quotes, a checksum 8.
+#ifndef VERGE_APPS_MESSAGE_JSON_H
+#define VERGE_APPS_MESSAGE_JSON_H
+
+#include "text.h"
+
+#include "verge/transport.h"
+
+/// The largest a plan gets: [B].
+enum { MESSAGE_JSON_MAX = 8192 };
+
+void message_json_state(text* out, const verge_vehicle_state_t* state);
+void message_json_plan(text* out, const verge_vehicle_plan_t* plan);
+void message_json_status(text* out, const verge_rsu_status_t* status);
+
+/// "planned", "keep_lane", "brake" or "cancelled"; "unknown" for any other code.
+const char* message_plan_status(int32_t status);
+/// "starting", "waiting", "running", "degraded" or "stopping"; "unknown".
+const char* message_rsu_state(int32_t state);
+/// "none", "config", ...: the names in the table of faults; "unknown".
+const char* message_rsu_fault(int32_t fault);
+
+#endif

@@ -1,0 +1,30 @@
+/// A text that grows in a buffer of the caller's: for answers made where nothing may allocate.
+///
+///     char buffer[4096];
+///     text out = text_in(buffer, sizeof buffer);
+///     text_add(&out, "{\"cycle\":%d,\"bus\":", cycle);
+///     text_add_string(&out, url);
+///     if (out.cut) ...                     // it did not fit
+#ifndef VERGE_APPS_TEXT_H
+#define VERGE_APPS_TEXT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef struct text {
+    char*  bytes; ///< ends with a zero byte
+    size_t size;  ///< [B] without it
+    size_t room;
+    bool   cut;   ///< something did not fit; nothing after it was added
+} text;
+
+text text_in(char* buffer, size_t size); ///< size >= 1
+void text_add(text* self, const char* format, ...) __attribute__((format(printf, 2, 3)));
+/// A double as JSON: 17 significant digits, null where it is not finite.
+void text_add_double(text* self, double value);
+/// The same of a float, which nine digits hold.
+void text_add_float(text* self, float value);
+/// In quotes, with everything escaped that needs it.
+void text_add_string(text* self, const char* words);
+
+#endif

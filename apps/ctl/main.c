@@ -1,0 +1,259 @@
+/// verge-ctl: asks a running verge-rsu over its control socket and shows the answer, as tables for
+/// people or as the JSON it came in.
+#define _GNU_SOURCE
+#include "common/json.h"
+#include "common/message_json.h"
+#include "common/options.h"
+
+#include "verge/verge.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#define SOCKET_DEFAULT "/run/verge/rsu.sock"
+
+enum {
+    EXIT_REFUSED = 1,      // the daemon said no
+    EXIT_USAGE = 64,
+    EXIT_UNAVAILABLE = 69, // no daemon there
+    ANSWER_MAX = 1 << 20,  // [B]
+    PATIENCE_S = 10,       // a reload may build a large planner
+};
+
+static int  ask(const char* path, const char* request, char* answer, size_t size);
+static int  show(const char* request, const json_at* root);
+
+int main(int argc, char** argv)
+{
+    static char answer[ANSWER_MAX];
+    const char* path = SOCKET_DEFAULT;
+    const char* request = NULL;
+    bool        json = false;
+    const option_entry table[] = {
+        { "--socket", "PATH", "the daemon's control socket; else " SOCKET_DEFAULT, &path, NULL },
+        { "--json", NULL, "prints the answer as it came, one JSON document", NULL, &json },
+    };
+    const program self = {
+        .name = "verge-ctl",
+        .argument = "status|vehicles|plans|reload",
+        .text = "Asks a running verge-rsu: its state and counters, who it sees, which plans are\n"
+                "in force; or has it read its configuration again.",
+        .options = table,
+        .option_count = sizeof table / sizeof table[0],
+        .usage_status = EXIT_USAGE,
+    };
+    int status = 0;
+    if (!options_parse(&self, argc, argv, &request, &status)) {
+        return status;
+    }
+    if (strcmp(request, "status") != 0 && strcmp(request, "vehicles") != 0 &&
+        strcmp(request, "plans") != 0 && strcmp(request, "reload") != 0) {
+        fprintf(stderr, "verge-ctl:%.40s: unknown, expected status, vehicles, plans or reload\n",
+                request);
+        return EXIT_USAGE;
+    }
+    status = ask(path, request, answer, sizeof answer);
+    if (status != 0) {
+        return status;
+    }
+    json_file file;
+    if (!json_file_parse(&file, path, answer, strlen(answer))) {
+        fprintf(stderr, "verge-ctl: no answer of a verge-rsu: %s", file.error);
+        return EXIT_UNAVAILABLE;
+    }
+    const json_at root = json_root(&file);
+    if (json) {
+        fputs(answer, stdout);
+    }
+    status = json ? (strcmp(request, "reload") == 0 && !json_bool_or(&root, "accepted", false)
+                         ? EXIT_REFUSED : 0)
+                  : show(request, &root);
+    json_file_free(&file);
+    return fflush(stdout) == 0 ? status : EXIT_REFUSED;
+}
+
+static int unreachable(const char* path)
+{
+    const char* remedy =
+        errno == EACCES ? "expected a user of the socket's group"
+        : errno == EAGAIN ? "the daemon does not answer"
+        : "expected a running verge-rsu whose configuration has this path as control";
+    fprintf(stderr, "verge-ctl: %s: %s, %s\n", path, strerror(errno), remedy);
+    return EXIT_UNAVAILABLE;
+}
+
+/// Sends the request and reads to the end of the answer.
+static int ask(const char* path, const char* request, char* answer, size_t size)
+{
+    struct sockaddr_un address = { .sun_family = AF_UNIX };
+    if (strlen(path) >= sizeof address.sun_path) {
+        fprintf(stderr, "verge-ctl:--socket: is too long, expected at most %zu characters\n",
+                sizeof address.sun_path - 1);
+        return EXIT_USAGE;
+    }
+    strcpy(address.sun_path, path);
+    const struct timeval patience = { .tv_sec = PATIENCE_S };
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
+    char line[32];
+    const int length = snprintf(line, sizeof line, "%s\n", request);
+    if (fd < 0 || connect(fd, (const struct sockaddr*)&address, sizeof address) != 0 ||
+        send(fd, line, (size_t)length, MSG_NOSIGNAL) != length) {
+        const int code = unreachable(path);
+        close(fd);
+        return code;
+    }
+    size_t  got = 0;
+    ssize_t part = 0;
+    while (got + 1 < size && (part = recv(fd, answer + got, size - 1 - got, 0)) > 0) {
+        got += (size_t)part;
+    }
+    answer[got] = '\0';
+    if (part == 0 && got == 0) {
+        errno = ECONNRESET; // it ended, or had too many clients
+    }
+    const int code = part < 0 || got == 0 ? unreachable(path) : 0;
+    close(fd);
+    return code;
+}
+
+// ---- tables -------------------------------------------------------------------------------
+
+static void show_status(const json_at* root);
+static void show_vehicles(const json_at* root);
+static void show_plans(const json_at* root);
+static int  show_reload(const json_at* root);
+
+static int show(const char* request, const json_at* root)
+{
+    int status = 0;
+    if (strcmp(request, "status") == 0) {
+        show_status(root);
+    } else if (strcmp(request, "vehicles") == 0) {
+        show_vehicles(root);
+    } else if (strcmp(request, "plans") == 0) {
+        show_plans(root);
+    } else {
+        status = show_reload(root);
+    }
+    if (root->file->error[0] != '\0') {
+        fprintf(stderr, "verge-ctl: not understood: %s", root->file->error);
+        return EXIT_UNAVAILABLE;
+    }
+    return status;
+}
+
+static int64_t whole(const json_at* of, const char* key)
+{
+    return json_integer(of, key, INT64_MIN / 2, INT64_MAX / 2);
+}
+
+static double real(const json_at* of, const char* key)
+{
+    return json_double(of, key, -1e300, 1e300);
+}
+
+static void show_status(const json_at* root)
+{
+    const json_at of = json_member(root, "status");
+    const int64_t up = (whole(&of, "utime") - whole(&of, "start_utime")) / 1000000;
+    printf("verge-rsu %s, rsu_id %" PRId64 ": %s", json_string(root, "version"),
+           whole(&of, "rsu_id"), json_string(root, "state"));
+    if (strcmp(json_string(root, "fault"), "none") != 0) {
+        printf(", fault %s (%" PRId64 ")", json_string(root, "fault"), whole(&of, "fault"));
+    }
+    printf("\n  bus              %s\n", json_string(root, "bus"));
+    printf("  up               %" PRId64 " h %02" PRId64 " min %02" PRId64 " s\n", up / 3600,
+           up / 60 % 60, up % 60);
+    printf("  configuration    %s, map %s\n", json_string(&of, "config_crc32"),
+           json_string(&of, "map_crc32"));
+    printf("  vehicles         %" PRId64 " seen, %" PRId64 " planned\n",
+           whole(&of, "vehicles_seen"), whole(&of, "vehicles_controlled"));
+    printf("  cycle            %" PRId64 ", each %" PRId64 " ms\n", whole(&of, "cycle"),
+           whole(root, "cycle_ms"));
+    printf("  cycle time       last %.1f ms, p99 %.1f ms, max %.1f ms, %" PRId64
+           " deadline misses\n", real(&of, "cycle_us_last") * 1e-3,
+           real(&of, "cycle_us_p99") * 1e-3, real(&of, "cycle_us_max") * 1e-3,
+           whole(&of, "deadline_misses"));
+    printf("  plans            %" PRId64 " sent, %" PRId64 " of them fallbacks\n",
+           whole(&of, "plans_sent"), whole(&of, "fallbacks"));
+    printf("  states           %" PRId64 " accepted", whole(&of, "rx_accepted"));
+    const cJSON* member = NULL;
+    cJSON_ArrayForEach(member, of.node)
+    {
+        const bool counts = strncmp(member->string, "rx_", 3) == 0 &&
+                            strcmp(member->string, "rx_accepted") != 0;
+        if (counts && member->valuedouble > 0) {
+            printf(", %.0f %s", member->valuedouble, member->string + 3);
+        }
+    }
+    printf("\n  planner memory   %.1f of %.1f MB used at most, %" PRId64 " nodes\n",
+           real(&of, "arena_peak_bytes") * 1e-6, real(&of, "arena_size_bytes") * 1e-6,
+           whole(&of, "nodes_peak"));
+}
+
+static void show_vehicles(const json_at* root)
+{
+    const json_at vehicles = json_member(root, "vehicles");
+    json_expect_array(&vehicles, 0, VERGE_VEHICLES_MAX);
+    printf("%8s %-9s %6s %5s %7s %10s %10s %8s %8s\n", "vehicle", "plan", "age ms", "lane",
+           "target", "x m", "y m", "heading", "m/s");
+    const cJSON* node = NULL;
+    uint32_t index = 0;
+    cJSON_ArrayForEach(node, vehicles.node)
+    {
+        const json_at vehicle = json_element(&vehicles, node, index++);
+        const json_at plan = json_member(&vehicle, "plan");
+        printf("%8" PRId64 " %-9s %6" PRId64 " %5" PRId64 " %7" PRId64 " %10.2f %10.2f %8.3f %8.2f\n",
+               whole(&vehicle, "id"), json_none(&plan) ? "-" : json_string(&vehicle, "plan"),
+               whole(&vehicle, "age_ms"), whole(&vehicle, "lane"), whole(&vehicle, "target_lane"),
+               real(&vehicle, "x"), real(&vehicle, "y"), real(&vehicle, "heading"),
+               real(&vehicle, "speed"));
+    }
+}
+
+static void show_plans(const json_at* root)
+{
+    const json_at plans = json_member(root, "plans");
+    json_expect_array(&plans, 0, VERGE_CONTROLLED_MAX);
+    printf("%8s %-9s %8s %6s  %s\n", "vehicle", "status", "cycle", "points", "actions");
+    const cJSON* node = NULL;
+    uint32_t index = 0;
+    cJSON_ArrayForEach(node, plans.node)
+    {
+        const json_at plan = json_element(&plans, node, index++);
+        printf("%8" PRId64 " %-9s %8" PRId64 " %6" PRId64 " ", whole(&plan, "vehicle_id"),
+               message_plan_status((int32_t)whole(&plan, "status")), whole(&plan, "cycle"),
+               (int64_t)cJSON_GetArraySize(json_member(&plan, "points").node));
+        const json_at actions = json_member(&plan, "actions");
+        const cJSON*  step = NULL;
+        uint32_t      at = 0;
+        cJSON_ArrayForEach(step, actions.node)
+        {
+            const json_at action = json_element(&actions, step, at++);
+            printf(" %s to %.1f s", verge_action_name((verge_action)json_integer(
+                       &action, "action", 0, VERGE_ACTION_COUNT - 1)),
+                   real(&action, "t1_ms") * 1e-3);
+        }
+        printf("\n");
+    }
+}
+
+static int show_reload(const json_at* root)
+{
+    if (json_bool_or(root, "accepted", false)) {
+        printf("accepted: in force from the next cycle on\n");
+        return 0;
+    }
+    printf("refused, the old configuration holds: %s\n", json_string(root, "reason"));
+    return EXIT_REFUSED;
+}

@@ -1,0 +1,273 @@
+/// verge-echo: prints what is on a bus, one line a message, until Ctrl-C or --count messages.
+#define _GNU_SOURCE
+#include "common/bus_json.h"
+#include "common/message_json.h"
+#include "common/options.h"
+
+#include "verge/verge.h"
+#include "verge/wire.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+enum {
+    EXIT_USAGE = 64,
+    EXIT_UNAVAILABLE = 69,
+    EXIT_OS = 71,
+    BATCH = 32,
+    POLL_MS = 1000, // a bus that went away is looked for when it is drained
+};
+
+typedef struct arguments {
+    const char* url;
+    const char* options_path;
+    uint64_t    count; // 0: no end
+    bool        json, states, plans, statuses;
+} arguments;
+
+typedef struct echo {
+    const arguments* args;
+    transport*       bus;
+    int              signal_fd;
+    uint64_t         states, plans, statuses;
+    transport_message batch[BATCH];
+} echo;
+
+static bool read_arguments(arguments* args, int argc, char** argv, int* status);
+static int  open_bus(echo* self, bus_options* options);
+static bool listen_to(echo* self);
+static void sum_up(const echo* self);
+
+int main(int argc, char** argv)
+{
+    static echo        self; // large
+    static bus_options options;
+    arguments          args = { 0 };
+    int                status = 0;
+    if (!read_arguments(&args, argc, argv, &status)) {
+        return status;
+    }
+    self.args = &args;
+    status = open_bus(&self, &options);
+    if (status == 0) {
+        const bool printed = listen_to(&self);
+        sum_up(&self);
+        status = printed ? 0 : 1;
+    }
+    transport_close(self.bus);
+    bus_options_free(&options);
+    return status;
+}
+
+static bool read_arguments(arguments* args, int argc, char** argv, int* status)
+{
+    const char* count_text = NULL;
+    const option_entry table[] = {
+        { "--bus-options", "FILE.json", "the objects dds and lcm of a configuration",
+          &args->options_path, NULL },
+        { "--count", "N", "ends after N messages", &count_text, NULL },
+        { "--json", NULL, "one JSON document a line, every field", NULL, &args->json },
+        { "--states", NULL, "vehicle states; without any of these three: all", NULL,
+          &args->states },
+        { "--plans", NULL, "plans", NULL, &args->plans },
+        { "--status", NULL, "status messages", NULL, &args->statuses },
+    };
+    const program self = {
+        .name = "verge-echo",
+        .argument = "URL",
+        .text = "Prints what is on a bus: vehicle states, plans and status messages.",
+        .options = table,
+        .option_count = sizeof table / sizeof table[0],
+        .usage_status = EXIT_USAGE,
+    };
+    if (!options_parse(&self, argc, argv, &args->url, status)) {
+        return false;
+    }
+    bool given = false;
+    *status = EXIT_USAGE;
+    if (!options_u64(&self, "--count", count_text, &args->count, &given)) {
+        return false;
+    }
+    if (given && args->count == 0) {
+        fputs("verge-echo:--count: is 0, expected a number of messages\n", stderr);
+        return false;
+    }
+    if (!args->states && !args->plans && !args->statuses) {
+        args->states = args->plans = args->statuses = true;
+    }
+    *status = 0;
+    return true;
+}
+
+static int open_bus(echo* self, bus_options* options)
+{
+    const arguments* args = self->args;
+    // Signals first: the bus may start threads, which inherit what is blocked.
+    sigset_t signals;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGINT);
+    sigaddset(&signals, SIGTERM);
+    sigprocmask(SIG_BLOCK, &signals, NULL);
+    self->signal_fd = signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
+    if (self->signal_fd < 0) {
+        fprintf(stderr, "verge-echo: the system refused a descriptor (%s)\n", strerror(errno));
+        return EXIT_OS;
+    }
+    json_file file;
+    if (args->options_path != NULL && !bus_options_load(options, args->options_path, &file)) {
+        fputs(file.error, stderr);
+        return EXIT_USAGE;
+    }
+    char error[512];
+    const unsigned kinds = (args->states ? TRANSPORT_STATES : 0u) |
+                           (args->plans ? TRANSPORT_PLANS : 0u) |
+                           (args->statuses ? TRANSPORT_STATUSES : 0u);
+    const int result = transport_open_with(&self->bus, args->url, kinds, &options->transport,
+                                           error, sizeof error);
+    if (result != TRANSPORT_OK) {
+        fprintf(stderr, "verge-echo: %s\n", error);
+        return result == TRANSPORT_UNAVAILABLE ? EXIT_UNAVAILABLE : EXIT_USAGE;
+    }
+    return 0;
+}
+
+// ---- listening ----------------------------------------------------------------------------
+
+static void print_message(echo* self, const transport_message* message);
+
+static uint64_t heard(const echo* self)
+{
+    return self->states + self->plans + self->statuses;
+}
+
+/// Until told to stop, the count is reached or a log ends. False: the output cannot be written.
+static bool listen_to(echo* self)
+{
+    const uint64_t limit = self->args->count;
+    for (;;) {
+        struct pollfd ends[] = { { .fd = self->signal_fd, .events = POLLIN },
+                                 { .fd = transport_fd(self->bus), .events = POLLIN } };
+        const bool log = ends[1].fd < 0;
+        poll(ends, 2, log ? 0 : POLL_MS);
+        if (ends[0].revents != 0 || transport_ended(self->bus)) {
+            return true;
+        }
+        const uint32_t count = transport_drain(self->bus, self->batch, BATCH);
+        for (uint32_t i = 0; i < count; i++) {
+            print_message(self, &self->batch[i]);
+            if (limit > 0 && heard(self) >= limit) {
+                return fflush(stdout) == 0;
+            }
+        }
+        if (count > 0 && (fflush(stdout) != 0 || ferror(stdout))) {
+            fprintf(stderr, "verge-echo:standard output: %s\n", strerror(errno));
+            return false;
+        }
+    }
+}
+
+static void print_json(const transport_message* message);
+static void print_state(const verge_vehicle_state_t* state);
+static void print_plan(const verge_vehicle_plan_t* plan);
+static void print_status(const verge_rsu_status_t* status);
+
+static void print_message(echo* self, const transport_message* message)
+{
+    const bool json = self->args->json;
+    if (json) {
+        print_json(message);
+    }
+    switch (message->kind) {
+    case TRANSPORT_STATE:
+        self->states++;
+        if (!json) {
+            print_state(&message->as.state);
+        }
+        break;
+    case TRANSPORT_PLAN:
+        self->plans++;
+        if (!json) {
+            print_plan(&message->as.plan);
+        }
+        break;
+    case TRANSPORT_STATUS:
+        self->statuses++;
+        if (!json) {
+            print_status(&message->as.status);
+        }
+        break;
+    default: break;
+    }
+}
+
+static void print_json(const transport_message* message)
+{
+    static char buffer[2 * MESSAGE_JSON_MAX];
+    text out = text_in(buffer, sizeof buffer);
+    const char* kind = message->kind == TRANSPORT_STATE  ? "state"
+                       : message->kind == TRANSPORT_PLAN ? "plan"
+                                                         : "status";
+    text_add(&out, "{\"kind\":\"%s\",\"arrival_utime\":%" PRId64 ",\"sender\":\"%016" PRIx64
+             "\",\"message\":", kind, message->arrival_utime, message->sender);
+    if (message->kind == TRANSPORT_STATE) {
+        message_json_state(&out, &message->as.state);
+    } else if (message->kind == TRANSPORT_PLAN) {
+        message_json_plan(&out, &message->as.plan);
+    } else {
+        message_json_status(&out, &message->as.status);
+    }
+    text_add(&out, "}\n");
+    fputs(out.bytes, stdout);
+}
+
+static void print_state(const verge_vehicle_state_t* state)
+{
+    printf("state  vehicle %-4d %-10s x %9.2f  y %9.2f  heading %6.3f  %5.2f m/s  "
+           "%5.2f m/s^2  target lane %d  follows cycle %d\n",
+           state->vehicle_id, state->controlled != 0 ? "controlled" : "seen", state->x, state->y,
+           (double)state->heading, (double)state->speed, (double)state->acceleration,
+           state->target_lane, state->followed_cycle);
+}
+
+static void print_plan(const verge_vehicle_plan_t* plan)
+{
+    printf("plan   vehicle %-4d %-10s cycle %d (%d plans)  %d points", plan->vehicle_id,
+           message_plan_status(plan->status), plan->cycle, plan->plans_in_cycle,
+           plan->point_count);
+    if (wire_plan_check(plan) == NULL) {
+        for (int32_t i = 0; i < plan->action_count; i++) {
+            const verge_plan_action_t* action = &plan->actions[i];
+            printf("%s %s to %.1f s", i == 0 ? " " : ",",
+                   verge_action_name((verge_action)action->action), action->t1_ms * 1e-3);
+        }
+    }
+    if (plan->reason != VERGE_REASON_NONE) {
+        printf("  (%s)", verge_reason_text((verge_reason)plan->reason));
+    }
+    printf("\n");
+}
+
+static void print_status(const verge_rsu_status_t* status)
+{
+    printf("status rsu %-4d %-9s fault %s  %d vehicles, %d planned  cycle %d: p99 %.1f ms, "
+           "%d misses  %d plans, %d fallbacks\n",
+           status->rsu_id, message_rsu_state(status->state), message_rsu_fault(status->fault),
+           status->vehicles_seen, status->vehicles_controlled, status->cycle,
+           status->cycle_us_p99 * 1e-3, status->deadline_misses, status->plans_sent,
+           status->fallbacks);
+}
+
+static void sum_up(const echo* self)
+{
+    const transport_stats stats = transport_statistics(self->bus);
+    fprintf(stderr, "verge-echo: %" PRIu64 " states, %" PRIu64 " plans, %" PRIu64 " status; %"
+            PRIu64 " malformed, %" PRIu64 " dropped, %" PRIu64 " of other channels\n",
+            self->states, self->plans, self->statuses, stats.malformed, stats.dropped,
+            stats.foreign);
+}

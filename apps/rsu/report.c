@@ -1,0 +1,168 @@
+/// See report.h.
+#include "report.h"
+
+#include "common/message_json.h"
+
+#include <inttypes.h>
+
+void report_status(text* out, const config* config, const verge_rsu_status_t* status)
+{
+    char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
+    config_bus_list(config, buses, sizeof buses);
+    text_add(out, "{\"version\":\"%s\",\"state\":\"%s\",\"fault\":\"%s\",\"bus\":",
+             VERGE_VERSION_STRING, message_rsu_state(status->state),
+             message_rsu_fault(status->fault));
+    text_add_string(out, buses);
+    text_add(out, ",\"cycle_ms\":%u,\"status\":", config->cycle_ms);
+    message_json_status(out, status);
+    text_add(out, "}\n");
+}
+
+/// The plan in force of a vehicle; null: none.
+static const verge_vehicle_plan_t* plan_of(const cycle* cycle, int32_t vehicle_id)
+{
+    for (uint32_t i = 0; i < cycle->planned_count; i++) {
+        if (cycle->in_force[i].vehicle_id == vehicle_id) {
+            return &cycle->in_force[i];
+        }
+    }
+    return NULL;
+}
+
+static void add_vehicle(text* out, const cycle* cycle, uint32_t index)
+{
+    const verge_vehicle* vehicle = &cycle->view.vehicles[index];
+    const verge_vehicle_plan_t* plan = plan_of(cycle, vehicle->id);
+    const verge_lane_position on = verge_road_project(
+        verge_planner_road(cycle->def.planner), vehicle->x, vehicle->y, vehicle->heading,
+        VERGE_NO_LANE);
+    text_add(out, "{\"id\":%" PRId32 ",\"controlled\":%s,\"age_ms\":%" PRId64 ",\"lane\":%" PRId32,
+             vehicle->id, vehicle->controlled ? "true" : "false",
+             (cycle->utime - cycle->view.state_utime[index]) / 1000, on.lane_id);
+    text_add(out, ",\"target_lane\":%" PRId32 ",\"x\":", vehicle->target_lane);
+    text_add_double(out, vehicle->x);
+    text_add(out, ",\"y\":");
+    text_add_double(out, vehicle->y);
+    text_add(out, ",\"heading\":");
+    text_add_double(out, vehicle->heading);
+    text_add(out, ",\"speed\":");
+    text_add_double(out, vehicle->speed);
+    text_add(out, ",\"plan\":");
+    if (plan != NULL) {
+        text_add_string(out, message_plan_status(plan->status));
+    } else {
+        text_add(out, "null");
+    }
+    text_add(out, "}");
+}
+
+void report_vehicles(text* out, const cycle* cycle)
+{
+    text_add(out, "{\"utime\":%" PRId64 ",\"vehicles\":[", cycle->number < 0 ? 0 : cycle->utime);
+    for (uint32_t i = 0; i < cycle->view.count; i++) {
+        text_add(out, "%s", i > 0 ? "," : "");
+        add_vehicle(out, cycle, i);
+    }
+    text_add(out, "]}\n");
+}
+
+void report_plans(text* out, const cycle* cycle)
+{
+    text_add(out, "{\"plans\":[");
+    for (uint32_t i = 0; i < cycle->planned_count; i++) {
+        text_add(out, "%s", i > 0 ? "," : "");
+        message_json_plan(out, &cycle->in_force[i]);
+    }
+    text_add(out, "]}\n");
+}
+
+// ---- Prometheus ---------------------------------------------------------------------------
+
+static void head(text* out, const char* name, const char* type, const char* help)
+{
+    text_add(out, "# HELP %s %s\n# TYPE %s %s\n", name, help, name, type);
+}
+
+static void single(text* out, const char* name, const char* type, const char* help, int64_t value)
+{
+    head(out, name, type, help);
+    text_add(out, "%s %" PRId64 "\n", name, value);
+}
+
+static void add_cycle_times(text* out, const verge_rsu_status_t* status)
+{
+    const struct { const char* stat; int32_t us; } rows[] = {
+        { "last", status->cycle_us_last },
+        { "p99", status->cycle_us_p99 },
+        { "max", status->cycle_us_max },
+    };
+    head(out, "verge_cycle_seconds", "gauge",
+         "Time of a planning cycle: the last, the 99th percentile of the last 1024, the longest.");
+    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        text_add(out, "verge_cycle_seconds{stat=\"%s\"} %.6f\n", rows[i].stat,
+                 (double)rows[i].us * 1e-6);
+    }
+}
+
+static void add_received(text* out, const verge_rsu_status_t* status)
+{
+    const struct { const char* result; int32_t count; } rows[] = {
+        { "accepted", status->rx_accepted },
+        { "stale", status->rx_stale },
+        { "future", status->rx_future },
+        { "duplicate", status->rx_duplicate },
+        { "out_of_order", status->rx_out_of_order },
+        { "malformed", status->rx_malformed },
+        { "out_of_range", status->rx_out_of_range },
+        { "off_map", status->rx_off_map },
+        { "over_capacity", status->rx_over_capacity },
+        { "id_conflict", status->rx_id_conflict },
+        { "dropped", status->rx_dropped },
+    };
+    head(out, "verge_rx_total", "counter", "Vehicle states received, by what became of them.");
+    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        text_add(out, "verge_rx_total{result=\"%s\"} %" PRId32 "\n", rows[i].result,
+                 rows[i].count);
+    }
+}
+
+static void add_arena(text* out, const verge_rsu_status_t* status)
+{
+    head(out, "verge_arena_bytes", "gauge", "The planner's memory: its size, and the most in use.");
+    text_add(out, "verge_arena_bytes{stat=\"size\"} %" PRId64 "\n"
+             "verge_arena_bytes{stat=\"peak\"} %" PRId64 "\n", status->arena_size_bytes,
+             status->arena_peak_bytes);
+}
+
+void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle)
+{
+    head(out, "verge_build_info", "gauge", "Always 1; the labels tell version and configuration.");
+    text_add(out, "verge_build_info{version=\"%s\",rsu_id=\"%" PRId32 "\",map_crc32=\"%08" PRIx32
+             "\",config_crc32=\"%08" PRIx32 "\"} 1\n", VERGE_VERSION_STRING, status->rsu_id,
+             (uint32_t)status->map_crc32, (uint32_t)status->config_crc32);
+    head(out, "verge_start_time_seconds", "gauge", "When the daemon was started, Unix time.");
+    text_add(out, "verge_start_time_seconds %.6f\n", (double)status->start_utime * 1e-6);
+    single(out, "verge_state", "gauge",
+           "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.", status->state);
+    single(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge-rsu(8).",
+           status->fault);
+    single(out, "verge_cycles_total", "counter", "Planning cycles begun.",
+           (int64_t)cycle->number + 1);
+    single(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",
+           status->vehicles_seen);
+    single(out, "verge_vehicles_controlled", "gauge", "Of them, planned for.",
+           status->vehicles_controlled);
+    add_cycle_times(out, status);
+    single(out, "verge_deadline_misses_total", "counter",
+           "Ticks that found the planner still at work.", status->deadline_misses);
+    single(out, "verge_plans_sent_total", "counter", "Plans sent, cancellations not counted.",
+           status->plans_sent);
+    single(out, "verge_fallbacks_total", "counter", "Of them, fallbacks.", status->fallbacks);
+    single(out, "verge_overruns_total", "counter",
+           "Of the plans sent, those that went out in place of a late one.",
+           (int64_t)cycle->counters.overruns);
+    add_received(out, status);
+    add_arena(out, status);
+    single(out, "verge_nodes_peak", "gauge", "Most nodes of the search tree.",
+           status->nodes_peak);
+}

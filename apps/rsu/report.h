@@ -1,0 +1,26 @@
+/// What operators are told, in their programs' formats: JSON for verge-ctl, Prometheus's text for
+/// whoever collects figures. The numbers are those of the status message.
+///
+/// Memory      None but the text's. Nothing here changes what it looks at; cycle_plan() may be
+///             under way in another thread.
+#ifndef VERGE_RSU_REPORT_H
+#define VERGE_RSU_REPORT_H
+
+#include "config.h"
+#include "cycle.h"
+
+#include "common/text.h"
+
+/// [B] Room for the largest: the plans of VERGE_CONTROLLED_MAX vehicles.
+enum { REPORT_SIZE = 256 << 10, REPORT_METRICS_SIZE = 8 << 10 };
+
+/// {"version":…, "state":…, "fault":…, "bus":…, "cycle_ms":…, "status":{the message}}
+void report_status(text* out, const config* config, const verge_rsu_status_t* status);
+/// {"utime":…, "vehicles":[…]}: who took part in the last cycle, at its instant.
+void report_vehicles(text* out, const cycle* cycle);
+/// {"plans":[…]}: the messages in force.
+void report_plans(text* out, const cycle* cycle);
+
+void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle);
+
+#endif

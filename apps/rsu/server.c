@@ -1,0 +1,237 @@
+/// See server.h. A client first asks, then is answered; there is no third state.
+#define _GNU_SOURCE
+#include "server.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+enum { REST_MAX = 64 }; // pieces of a request that nobody reads: who sends more is cut off
+
+typedef struct client {
+    int     fd;      // -1: free
+    int64_t until;   // [us]
+    bool    asked;   // the request is complete, the answer is under way
+    size_t  size;    // of what was read of the request
+    size_t  sent;    // of the answer
+    char    request[SERVER_REQUEST];
+    text    answer;  // in a buffer of its own
+} client;
+
+struct server {
+    server_def def;
+    int        fd;
+    char       path[sizeof ((struct sockaddr_un*)0)->sun_path]; // "": not ours to remove
+    client     clients[SERVER_CLIENTS];
+};
+
+static server* server_new(const server_def* def, int family);
+static bool listen_at(server* self, const struct sockaddr* address, socklen_t size);
+static bool clear_path(const struct sockaddr_un* address, char* error, size_t error_size);
+
+bool server_open_unix(server** opened, const server_def* def, const char* path, char* error,
+                      size_t error_size)
+{
+    *opened = NULL;
+    struct sockaddr_un address = { .sun_family = AF_UNIX };
+    snprintf(address.sun_path, sizeof address.sun_path, "%s", path);
+    if (!clear_path(&address, error, error_size)) {
+        return false;
+    }
+    server* self = server_new(def, AF_UNIX);
+    // Nobody gets in before the mode is what it shall be.
+    if (self == NULL || fchmod(self->fd, 0600) != 0 ||
+        !listen_at(self, (const struct sockaddr*)&address, sizeof address)) {
+        snprintf(error, error_size, "%s: the system refused a socket there (%s), expected a "
+                 "folder this user may write to", path, strerror(errno));
+        server_close(self);
+        return false;
+    }
+    memcpy(self->path, address.sun_path, sizeof self->path);
+    chmod(path, 0660);
+    *opened = self;
+    return true;
+}
+
+bool server_open_tcp(server** opened, const server_def* def, const struct sockaddr* address,
+                     socklen_t size, char* error, size_t error_size)
+{
+    server* self = server_new(def, address->sa_family);
+    const int on = 1;
+    if (self == NULL || setsockopt(self->fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0 ||
+        !listen_at(self, address, size)) {
+        snprintf(error, error_size, "the system refused the port (%s), expected one that nobody "
+                 "else listens to", strerror(errno));
+        server_close(self);
+        self = NULL;
+    }
+    *opened = self;
+    return self != NULL;
+}
+
+static server* server_new(const server_def* def, int family)
+{
+    server* self = calloc(1, sizeof *self);
+    char*   buffers = malloc(SERVER_CLIENTS * def->answer_size);
+    if (self == NULL || buffers == NULL) {
+        free(self);
+        free(buffers);
+        return NULL;
+    }
+    self->def = *def;
+    for (uint32_t i = 0; i < SERVER_CLIENTS; i++) {
+        self->clients[i].fd = -1;
+        self->clients[i].answer = text_in(buffers + i * def->answer_size, def->answer_size);
+    }
+    self->fd = socket(family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    return self;
+}
+
+static bool listen_at(server* self, const struct sockaddr* address, socklen_t size)
+{
+    return bind(self->fd, address, size) == 0 && listen(self->fd, SERVER_CLIENTS) == 0;
+}
+
+/// True: nothing is at the path any more, or never was.
+static bool clear_path(const struct sockaddr_un* address, char* error, size_t error_size)
+{
+    struct stat facts;
+    if (lstat(address->sun_path, &facts) != 0) {
+        return true; // where the folder is missing, too, bind() says so
+    }
+    if (!S_ISSOCK(facts.st_mode)) {
+        snprintf(error, error_size, "%s: is there and is no socket, expected a free name",
+                 address->sun_path);
+        return false;
+    }
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    const int connected = connect(fd, (const struct sockaddr*)address, sizeof *address);
+    const bool stale = connected != 0 && errno == ECONNREFUSED;
+    close(fd);
+    if (!stale || unlink(address->sun_path) != 0) {
+        snprintf(error, error_size, "%s: another daemon answers there, expected a socket of its "
+                 "own for each", address->sun_path);
+        return false;
+    }
+    return true;
+}
+
+void server_close(server* self)
+{
+    if (self == NULL) {
+        return;
+    }
+    for (uint32_t i = 0; i < SERVER_CLIENTS; i++) {
+        if (self->clients[i].fd >= 0) {
+            close(self->clients[i].fd);
+        }
+    }
+    if (self->fd >= 0) {
+        close(self->fd);
+    }
+    if (self->path[0] != '\0') {
+        unlink(self->path);
+    }
+    free(self->clients[0].answer.bytes);
+    free(self);
+}
+
+// ---- serving ------------------------------------------------------------------------------
+
+static void welcome(server* self, client* client, int64_t now);
+static bool attend(server* self, client* client);
+static bool hear(server* self, client* client, bool* asked);
+
+uint32_t server_ends(const server* self, struct pollfd* ends)
+{
+    if (self == NULL) {
+        return 0;
+    }
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < SERVER_CLIENTS; i++) {
+        const client* client = &self->clients[i];
+        if (client->fd >= 0) {
+            ends[count++] = (struct pollfd){ .fd = client->fd,
+                                             .events = client->asked ? POLLOUT : POLLIN };
+        }
+    }
+    if (count < SERVER_CLIENTS) { // else newcomers wait in the system's queue
+        ends[count++] = (struct pollfd){ .fd = self->fd, .events = POLLIN };
+    }
+    return count;
+}
+
+void server_serve(server* self, int64_t now)
+{
+    for (uint32_t i = 0; self != NULL && i < SERVER_CLIENTS; i++) {
+        client* client = &self->clients[i];
+        if (client->fd < 0) {
+            welcome(self, client, now);
+        }
+        if (client->fd >= 0 && (!attend(self, client) || now > client->until)) {
+            close(client->fd);
+            client->fd = -1;
+        }
+    }
+}
+
+static void welcome(server* self, client* client, int64_t now)
+{
+    client->fd = accept4(self->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    client->until = now + SERVER_PATIENCE_US;
+    client->asked = false;
+    client->size = client->sent = 0;
+}
+
+/// One client, as far as it goes without waiting. False: it is done, or gone.
+static bool attend(server* self, client* client)
+{
+    if (!client->asked && !hear(self, client, &client->asked)) {
+        return false;
+    }
+    while (client->asked && client->sent < client->answer.size) {
+        const ssize_t sent = send(client->fd, client->answer.bytes + client->sent,
+                                  client->answer.size - client->sent, MSG_NOSIGNAL);
+        if (sent < 0) {
+            return errno == EAGAIN || errno == EINTR;
+        }
+        client->sent += (size_t)sent;
+    }
+    if (client->asked) { // what is still unread would turn our closing into a reset
+        char rest[SERVER_REQUEST];
+        shutdown(client->fd, SHUT_WR);
+        for (int i = 0; i < REST_MAX && recv(client->fd, rest, sizeof rest, 0) > 0; i++) {
+        }
+    }
+    return !client->asked;
+}
+
+/// Reads, and answers when the request is complete. False: the client is gone or says nothing
+/// sensible.
+static bool hear(server* self, client* client, bool* asked)
+{
+    const size_t  room = sizeof client->request - 1 - client->size;
+    const ssize_t got = recv(client->fd, client->request + client->size, room, 0);
+    if (got <= 0) {
+        return got < 0 && (errno == EAGAIN || errno == EINTR);
+    }
+    client->size += (size_t)got;
+    client->request[client->size] = '\0';
+    char*      end = strstr(client->request, self->def.end);
+    const bool hopeless = end == NULL && (client->size + 1 == sizeof client->request ||
+                                          strlen(client->request) != client->size);
+    if (end == NULL && !hopeless) {
+        return true;
+    }
+    if (end != NULL) {
+        *end = '\0';
+    }
+    client->answer = text_in(client->answer.bytes, client->answer.room);
+    self->def.answer(self->def.context, hopeless ? NULL : client->request, &client->answer);
+    *asked = true;
+    return !client->answer.cut;
+}

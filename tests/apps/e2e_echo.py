@@ -1,0 +1,147 @@
+"""verge-echo, verge-ctl's tables and the figures, with vehicles on a real LCM bus.
+
+    python3 tests/apps/e2e_echo.py --bin build/bin [--lcm-python VENV] [--only NAME]
+
+Every case is a function named like its claim. Exit status 77: skipped, as in e2e_lcm.py, whose
+vehicles and bus these are.
+"""
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import e2e_lcm
+from daemon_rig import check
+from e2e_lcm import URL, Bus, Daemon, three_and_a_human
+
+
+class Echo:
+    """A running verge-echo."""
+
+    def __init__(self, rig, *options, url="lcm:" + URL):
+        self.out = open(rig.folder / "echo.out", "w+")
+        self.process = subprocess.Popen([rig.bin / "verge-echo", url, *options], stdout=self.out,
+                                        stderr=subprocess.PIPE, text=True)
+        time.sleep(0.3) # to have joined
+
+    def end(self):
+        """Ctrl-C: (exit code, lines, the summary)."""
+        self.process.send_signal(signal.SIGINT)
+        summary = self.process.stderr.read()
+        code = self.process.wait(10)
+        self.out.seek(0)
+        lines = self.out.read().splitlines()
+        self.out.close()
+        return code, lines, summary
+
+
+def ctl(rig, *args):
+    return rig.run(rig.bin / "verge-ctl", *args, "--socket", rig.folder / "rsu.sock")
+
+
+def what_is_on_the_bus_is_printed_and_summed_up(rig):
+    words = Echo(rig)
+    with Daemon(rig, rig.config()):
+        bus = Bus()
+        bus.drive(three_and_a_human(), 2.0)
+    code, lines, summary = words.end()
+    kinds = {kind: sum(line.startswith(kind) for line in lines)
+             for kind in ("state ", "plan ", "status ")}
+    check(code == 0 and all(count > 0 for count in kinds.values()), f"{kinds} {summary}")
+    check(summary.startswith(f"verge-echo: {kinds['state ']} states, {kinds['plan ']} plans, "
+                             f"{kinds['status ']} status; 0 malformed"), summary)
+    check(any("vehicle 1 " in line and "planned" in line for line in lines), lines[-5:])
+
+
+def as_json_every_field_is_what_was_sent(rig):
+    fields = Echo(rig, "--json")
+    with Daemon(rig, rig.config()):
+        bus = Bus()
+        bus.drive(three_and_a_human(), 2.0)
+    code, lines, _ = fields.end()
+    heard = [json.loads(line) for line in lines]
+    check(code == 0 and {entry["kind"] for entry in heard} == {"state", "plan", "status"}, "kinds")
+    sent = {(plan.vehicle_id, plan.utime): plan for _, plan, _ in bus.plans}
+    compared = 0
+    for entry in heard:
+        message = entry["message"]
+        key = (message.get("vehicle_id"), message["utime"])
+        if entry["kind"] != "plan" or key not in sent:
+            continue
+        plan = sent[key]
+        compared += 1
+        check(message["digest"] == f"{plan.digest & (2**64 - 1):016x}", "digest")
+        check(message["crc32"] == f"{plan.crc32 & (2**32 - 1):08x}", "crc32")
+        check(len(message["points"]) == plan.point_count, "points")
+        for ours, theirs in zip(message["points"], plan.points):
+            check(ours["x"] == theirs.x and abs(ours["speed"] - theirs.speed) < 1e-6, "a point")
+        check([a["t1_ms"] for a in message["actions"]] ==
+              [a.t1_ms for a in plan.actions[:plan.action_count]], "actions")
+    check(compared >= 10, f"{compared} plans compared")
+
+
+def it_ends_by_itself_where_told(rig):
+    with Daemon(rig, rig.config()):
+        echo = Echo(rig, "--plans", "--count", "7")
+        bus, vehicles = Bus(), three_and_a_human()
+        while echo.process.poll() is None:
+            bus.drive(vehicles, 0.2)
+        echo.out.seek(0)
+        lines = echo.out.read().splitlines()
+        check(echo.process.returncode == 0 and len(lines) == 7, lines)
+        check(all(line.startswith("plan ") for line in lines), lines)
+    # A recording ends, too.
+    log = rig.folder / "echo.lcmlog"
+    with Daemon(rig, rig.config(), "--record", log) as rsu:
+        bus.drive(vehicles, 1.0)
+        rsu.stop()
+    code, out, error = rig.run(rig.bin / "verge-echo", f"log:{log}")
+    check(code == 0 and out.count("state ") >= 10 and "states" in error, error)
+
+
+def wrong_use_has_its_exit_codes(rig):
+    echo = rig.bin / "verge-echo"
+    for wrong in ([], ["lcm:" + URL, "--bogus"], ["lcm:" + URL, "--count", "0"], ["tcp:x"],
+                  ["lcm:" + URL, "--bus-options", rig.folder / "no.json"]):
+        code, _, error = rig.run(echo, *wrong)
+        check(code == 64 and error.count("\n") == 1, f"{wrong}: {code} {error}")
+    code, _, error = rig.run("unshare", "-n", echo, "lcm:" + URL)
+    check(code == 69 and "ip route add" in error, error)
+    log = rig.folder / "echo.lcmlog"
+    code, _, error = rig.run("sh", "-c", f"{echo} log:{log} > /dev/full") if log.exists() else (1, "", "")
+    check(code == 1, f"no room to print: {code} {error}")
+
+
+def verge_ctl_shows_vehicles_and_plans(rig):
+    with Daemon(rig, rig.config(control="rsu.sock")) as rsu:
+        bus, vehicles = Bus(), three_and_a_human()
+        bus.drive(vehicles, 1.0)
+        code, out, error = ctl(rig, "vehicles")
+        rows = {int(line.split()[0]): line.split() for line in out.splitlines()[1:]}
+        check(code == 0 and set(rows) == {1, 2, 3, 8}, out + error)
+        check(rows[8][1] == "-" and rows[1][1] in ("planned", "keep_lane", "brake"), out)
+        check(rows[2][3] == "1" and rows[1][3] == "0", "their lanes")
+        seen = json.loads(ctl(rig, "vehicles", "--json")[1])["vehicles"]
+        check(seen[0]["id"] == 1 and seen[0]["controlled"] and 0 <= seen[0]["age_ms"] <= 300, seen)
+        bus.drive(vehicles, 0.3)
+        code, out, _ = ctl(rig, "plans")
+        check(code == 0 and out.count("\n") == 4 and " to 1" in out, out)
+        plans = json.loads(ctl(rig, "plans", "--json")[1])["plans"]
+        check([plan["vehicle_id"] for plan in plans] == [1, 2, 3], "of each")
+        bus.listen(0.3)
+        sent = {(plan.vehicle_id, plan.utime) for _, plan, _ in bus.plans}
+        check(all((plan["vehicle_id"], plan["utime"]) in sent for plan in plans), "as sent")
+        check(rsu.stop()[1] == 0, "stops")
+
+
+CASES = [
+    what_is_on_the_bus_is_printed_and_summed_up,
+    as_json_every_field_is_what_was_sent,
+    it_ends_by_itself_where_told,
+    wrong_use_has_its_exit_codes,
+    verge_ctl_shows_vehicles_and_plans,
+]
+
+if __name__ == "__main__":
+    sys.exit(e2e_lcm.main(CASES))

@@ -63,11 +63,6 @@ set(VERGE_PROGRAMS_tools verge-plan verge-sim verge-publish verge-echo verge-rep
 set(VERGE_PAGES_rsu verge-rsu.json.5 verge.7)
 set(VERGE_PAGES_tools verge-scenario.5)
 foreach(component rsu tools)
-    foreach(program ${VERGE_PROGRAMS_${component}})
-        if(NOT TARGET ${program})
-            list(REMOVE_ITEM VERGE_PROGRAMS_${component} ${program})
-        endif()
-    endforeach()
     install(TARGETS ${VERGE_PROGRAMS_${component}} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR}
         COMPONENT ${component})
     foreach(program ${VERGE_PROGRAMS_${component}})

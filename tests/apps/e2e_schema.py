@@ -153,9 +153,9 @@ def check_configurations(binaries, work):
     for path in shipped:
         assert kind.schema_accepts(json.loads(path.read_text())), path
     # The configuration in force names every key there is, with its default.
-    site = ROOT / "apps/site/rsu.json"
+    plain = ROOT / "apps/scenarios/rsu-ramp.json"
     printed = json.loads(subprocess.run(
-        [binaries / "verge-rsu", "--config", site, "--print-config"],
+        [binaries / "verge-rsu", "--config", plain, "--print-config"],
         capture_output=True, text=True, check=True).stdout)
     printed["road"] = json.loads((ROOT / "apps/site/road.json").read_text())["road"]
     del printed["road_file"]

@@ -69,16 +69,21 @@ etc=$work/root/etc/verge
 bin=$work/root/usr/bin
 scenario=$work/root/usr/share/verge/scenarios/ramp-case1.json
 ulimit -S -s 256 # the unit's
+run=$(mktemp -d) # for /run/verge: a socket's path is short
+trap 'rm -rf "$run"' EXIT
 
 # site CONFIG BUS PUBLISH_OPTION...: vehicles get plans from the daemon at this site
 site() {
+    grep -q '"/run/verge/rsu.sock"' "$1" || fail "$1 has no control socket"
+    sed -i "s#/run/verge#$run#" "$1"
     "$bin/verge-rsu" --config "$1" --check-config >"$work/check.log" 2>&1 ||
         fail "$(cat "$work/check.log")"
     grep -q 'planner, all together' "$work/check.log"
-    "$source_dir/tests/support/in_network.sh" bash -s "$bin" "$work" "$scenario" "$@" <<'END'
+    "$source_dir/tests/support/in_network.sh" bash -s "$bin" "$work" "$run" "$scenario" "$@" \
+        <<'END'
 set -euo pipefail
-bin=$1 work=$2 scenario=$3 config=$4 bus=$5
-shift 5
+bin=$1 work=$2 run=$3 scenario=$4 config=$5 bus=$6
+shift 6
 "$bin/verge-rsu" --config "$config" 2>"$work/rsu.log" &
 daemon=$!
 trap 'kill -9 $daemon 2>/dev/null || true' EXIT
@@ -87,12 +92,14 @@ for _ in $(seq 300); do
     sleep 0.1
 done
 "$bin/verge-publish" "$scenario" --bus "$bus" --duration 5 "$@" >"$work/publish.log"
+"$bin/verge-ctl" --socket "$run/rsu.sock" --json status >"$work/status.json"
 kill -TERM $daemon
 wait $daemon
 trap - EXIT
 END
     grep -q planned "$work/publish.log" ||
         { cat "$work/rsu.log" "$work/publish.log"; fail "no plans on $2"; }
+    grep -q '"fault":"none"' "$work/status.json" || fail "$(cat "$work/status.json")"
 }
 
 site "$etc/rsu.json" 'lcm:udpm://239.255.76.67:7667?ttl=0'

@@ -41,6 +41,8 @@ inside getent passwd verge | grep -q ':/var/lib/verge:/usr/sbin/nologin$' || fai
 [ "$(inside stat -c '%U:%G %a' /etc/verge/keys)" = "root:verge 750" ] ||
     fail "/etc/verge/keys: $(inside stat -c '%U:%G %a' /etc/verge/keys)"
 
+inside install -d -o verge -g verge -m 0750 /run/verge # as systemd would, RuntimeDirectory
+
 # site CONFIG BUS PUBLISH_OPTION...: the daemon as its user beside vehicles, both in the fresh
 # system and in a network of their own
 site() {
@@ -60,6 +62,7 @@ for _ in $(seq 300); do
 done
 chroot "$root" verge-publish /usr/share/verge/scenarios/ramp-case1.json --bus "$bus" \
     --duration 5 "$@" >"$work/publish.log"
+chroot "$root" verge-ctl status >"$work/status.log"
 kill -TERM $daemon
 wait $daemon
 trap - EXIT

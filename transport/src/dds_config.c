@@ -28,8 +28,7 @@ static bool interface_known(const char* interface, char name[IF_NAMESIZE], char*
 static bool interfaces_check(const transport_options* options, uint32_t domain, char* error,
                              size_t error_size);
 
-/// CYCLONEDDS_URI where it decides on the interfaces; else null.
-static const char* environment_chosen(const transport_options* options)
+const char* dds_config_environment(const transport_options* options)
 {
     const char* environment = getenv("CYCLONEDDS_URI");
     const bool  given = environment != NULL && environment[0] != '\0';
@@ -43,7 +42,7 @@ bool dds_config_write(const transport_options* options, uint32_t domain, char* b
         return false;
     }
     text        self = { .bytes = bytes, .room = size, .whole = true };
-    const char* environment = environment_chosen(options);
+    const char* environment = dds_config_environment(options);
     const bool  theirs = environment != NULL;
     if (theirs) {
         put(&self, "%s,", environment);
@@ -57,6 +56,10 @@ bool dds_config_write(const transport_options* options, uint32_t domain, char* b
     put(&self, "<Internal><WriterLingerDuration>200ms</WriterLingerDuration></Internal>");
     if (options->dds_security != NULL) {
         put_security(&self, options->dds_security);
+    }
+    if (options->dds_security != NULL && !theirs) { // dds.c reads there who has no certificate
+        put(&self, "<Tracing><Category>discovery</Category><OutputFile>stderr</OutputFile>"
+                   "</Tracing>");
     }
     put(&self, "</Domain></CycloneDDS>");
     if (!self.whole) {
@@ -192,10 +195,10 @@ bool dds_config_leaves(const transport_options* options, char* interface, size_t
             return true;
         }
     }
-    if (environment_chosen(options) != NULL) {
+    if (dds_config_environment(options) != NULL) {
         snprintf(interface, size, "whatever interface CYCLONEDDS_URI names");
     }
-    return environment_chosen(options) != NULL;
+    return dds_config_environment(options) != NULL;
 }
 
 static bool interfaces_check(const transport_options* options, uint32_t domain, char* error,
@@ -256,7 +259,7 @@ static bool interface_known(const char* interface, char name[IF_NAMESIZE], char*
 uint32_t dds_config_interfaces(const transport_options* options,
                                char names[DDS_INTERFACES_MAX][IF_NAMESIZE])
 {
-    if (environment_chosen(options) != NULL) {
+    if (dds_config_environment(options) != NULL) {
         return 0;
     }
     uint32_t count = 0;

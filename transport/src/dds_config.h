@@ -28,6 +28,8 @@ uint32_t dds_config_interfaces(const transport_options* options,
                                char names[DDS_INTERFACES_MAX][IF_NAMESIZE]);
 /// Does the interface work? Allocates nothing.
 bool dds_config_interface_up(const char* name);
+/// CYCLONEDDS_URI where it decides on the interfaces; else null.
+const char* dds_config_environment(const transport_options* options);
 
 /// Is more than the loopback interface in use? Then interface tells which is.
 bool dds_config_leaves(const transport_options* options, char* interface, size_t size);

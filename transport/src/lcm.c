@@ -414,20 +414,28 @@ static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet)
     return true;
 }
 
-/// Does the kernel's way to the group stay on loopback? What loopback sends may have no source.
+/// Does the kernel's way to the group stay on loopback, or is there none? The longest prefix of
+/// the main table decides. (The source address the kernel would choose tells nothing: on loopback
+/// it takes that of any interface.)
 static bool stays_here(const struct sockaddr_in* group)
 {
-    struct sockaddr_in self = { 0 };
-    socklen_t          size = sizeof self;
-    const int          probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    const bool routed = probe >= 0 &&
-                        connect(probe, (const struct sockaddr*)group, sizeof *group) == 0 &&
-                        getsockname(probe, (struct sockaddr*)&self, &size) == 0;
-    if (probe >= 0) {
-        close(probe);
+    FILE* table = fopen("/proc/self/net/route", "re");
+    char  line[256], name[32], best[32] = "lo";
+    unsigned target, mask, best_mask = 0;
+    bool     found = false;
+    while (table != NULL && fgets(line, sizeof line, table) != NULL) {
+        // Iface Destination Gateway Flags RefCnt Use Metric Mask ..., addresses as they lie in memory
+        if (sscanf(line, "%31s %8x %*s %*s %*s %*s %*s %8x", name, &target, &mask) == 3 &&
+            (group->sin_addr.s_addr & mask) == target && (!found || ntohl(mask) > best_mask)) {
+            memcpy(best, name, sizeof best);
+            best_mask = ntohl(mask);
+            found = true;
+        }
     }
-    const uint32_t address = ntohl(self.sin_addr.s_addr);
-    return !routed || address == INADDR_ANY || address >> 24 == IN_LOOPBACKNET;
+    if (table != NULL) {
+        fclose(table);
+    }
+    return strcmp(best, "lo") == 0;
 }
 
 /// A ttl of 0 keeps our own datagrams here; whom we hear is the route's business.

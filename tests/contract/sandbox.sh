@@ -1,7 +1,8 @@
 #!/bin/bash
 # Claim: what the units take away is not missed. The daemon runs, on every bus, with the stack, the
-# locked memory and the view of /proc that its unit gives it; it makes no system call that the
-# unit's filter refuses, opens no socket of another family, maps nothing writable and executable.
+# locked memory and the view of /proc that its unit gives it; recording, serving its operators and
+# reading its configuration again, it makes no system call that the unit's filter refuses, opens no
+# socket of another family, maps nothing writable and executable.
 #
 #     sandbox.sh SOURCE_DIR BUILD_DIR WORK_DIR
 set -euo pipefail
@@ -48,11 +49,16 @@ else
     echo "locked memory is not tried: this machine grants $memory kB"
 fi
 
+run=$(mktemp -d) # a socket's path is short
+trap 'rm -rf "$run"' EXIT
+
 # run NAME BUS
 run() {
     cat >"$work/$1.json" <<END
 { "format": "verge-rsu/1", "bus": "$2", "cycle_ms": 50,
-  "road_file": "$source_dir/apps/site/road.json", "realtime": { "lock_memory": $lock } }
+  "road_file": "$source_dir/apps/site/road.json", "control": "$run/rsu.sock",
+  "metrics": { "listen": "127.0.0.1:9464", "file": "$run/metrics" },
+  "realtime": { "lock_memory": $lock } }
 END
     unshare -rnmpf sh -c '
         mount -t proc -o subset=pid,hidepid=invisible proc /proc
@@ -60,12 +66,23 @@ END
         ulimit -S -s 256
         ulimit -l "$4"
         export MALLOC_ARENA_MAX=1
-        exec strace -f -qq -o "$1" "$2" --config "$3" --cycles 20' sh \
+        (
+            until "$5" --socket "$6/rsu.sock" status; do sleep 0.1; done
+            "$5" --socket "$6/rsu.sock" reload
+            for _ in $(seq 300); do
+                ! grep -q event=config_in_force "$7" || break
+                sleep 0.1
+            done
+            kill -TERM "$(cat "$6/pid")"
+        ) >/dev/null 2>&1 &
+        exec strace -f -qq -o "$1" sh -c "echo \$\$ >$6/pid; exec \"\$@\"" sh \
+            "$2" --config "$3" --record "$6/log"' sh \
         "$work/$1.calls" "$build_dir/bin/verge-rsu" "$work/$1.json" "$memory" \
-        2>"$work/$1.log" ||
+        "$build_dir/bin/verge-ctl" "$run" "$work/$1.log" 2>"$work/$1.log" ||
         { cat "$work/$1.log"; fail "the daemon does not run on $2"; }
     sed -nE 's/^[0-9]+ +([a-z0-9_]+)\(.*/\1/p' "$work/$1.calls" | sort -u >"$work/$1.used"
-    [ "$(wc -l <"$work/$1.used")" -gt 20 ] || fail "strace saw nothing"
+    grep -q '^accept4\?$' "$work/$1.used" || fail "nobody was served while strace looked"
+    grep -q event=config_in_force "$work/$1.log" || { cat "$work/$1.log"; fail "no reload"; }
     local refused
     # What strace's own start-up does before the daemon is systemd's to do: execve is permitted.
     refused=$(comm -23 "$work/$1.used" "$work/permitted" | tr '\n' ' ')

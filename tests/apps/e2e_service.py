@@ -245,6 +245,9 @@ def the_printed_configuration_prints_itself(rig):
     config.write_text(out)
     check(rig.run(rig.bin / "verge-rsu", "--config", config, "--print-config", cwd="/")[1] == out,
           "anywhere")
+    full = subprocess.run([rig.bin / "verge-rsu", "--config", config, "--print-config"],
+                          stdout=open("/dev/full", "w"), stderr=subprocess.PIPE, text=True)
+    check(full.returncode == 70 and full.stderr.count("\n") == 1, f"no room: {full}")
 
 
 CASES = [

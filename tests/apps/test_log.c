@@ -1,0 +1,180 @@
+/// Goal: a line of the log is one line whatever goes into it; in JSON it is an object with the same
+/// pairs, and always one that can be parsed, cut or not.
+/// Method: standard error is a file for the length of a line.
+#define _GNU_SOURCE
+#include "check.h"
+
+#include "rsu/log.h"
+
+#include "common/json.h"
+
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { TEXT_MAX = 65536 };
+
+static int catcher = -1, usual = -1;
+
+static void catch_lines(void)
+{
+    fflush(stderr);
+    assert_int_equal(ftruncate(catcher, 0), 0);
+    lseek(catcher, 0, SEEK_SET);
+    dup2(catcher, STDERR_FILENO);
+}
+
+static const char* caught(void)
+{
+    static char text[TEXT_MAX];
+    dup2(usual, STDERR_FILENO);
+    const ssize_t size = pread(catcher, text, sizeof text - 1, 0);
+    assert_true(size >= 0);
+    text[size] = '\0';
+    return text;
+}
+
+static void test_a_line_is_pairs_or_an_object_of_the_same(void** state)
+{
+    (void)state;
+    catch_lines();
+    log_setup(LOG_TEXT);
+    log_event(LOG_WARNING, "pairs", "n=%d f=%.1f hex=0x%x words=\"two words\" none=", -3, 1.5, 16);
+    log_setup(LOG_JSON);
+    log_event(LOG_WARNING, "pairs", "n=%d f=%.1f hex=0x%x words=\"two words\" none=", -3, 1.5, 16);
+    log_event(LOG_ERROR, "alone", "%s", "");
+    assert_string_equal(caught(),
+        "level=warning event=pairs n=-3 f=1.5 hex=0x10 words=\"two words\" none=\n"
+        "{\"level\":\"warning\",\"event\":\"pairs\",\"n\":-3,\"f\":1.5,\"hex\":\"0x10\","
+        "\"words\":\"two words\",\"none\":\"\"}\n"
+        "{\"level\":\"error\",\"event\":\"alone\"}\n");
+}
+
+static void test_only_what_json_spells_as_a_number_is_one(void** state)
+{
+    (void)state;
+    static const char* const VALUES[] = {
+        "0", "7", "-7", "0.5", "10.25", "007", "1.", ".5", "-", "1.2.3", "0x1f", "1e5", "+1",
+        "12345678901234567890", "lcm:udpm://239.255.76.67:7667?ttl=0",
+    };
+    log_setup(LOG_JSON);
+    for (size_t i = 0; i < sizeof VALUES / sizeof VALUES[0]; i++) {
+        static char event[sizeof VALUES / sizeof VALUES[0]][8];
+        snprintf(event[i], sizeof event[i], "v%zu", i); // a rate of its own for each
+        catch_lines();
+        log_event(LOG_INFO, event[i], "value=%s", VALUES[i]);
+        const char* line = caught();
+        json_file file;
+        if (!json_file_parse(&file, "line", line, strlen(line))) {
+            fail_msg("%s: %s", line, file.error);
+        }
+        const cJSON* value = cJSON_GetObjectItem(file.document, "value");
+        assert_int_equal(cJSON_IsNumber(value), i < 5);
+        if (!cJSON_IsNumber(value)) {
+            assert_string_equal(value->valuestring, VALUES[i]);
+        }
+        json_file_free(&file);
+    }
+}
+
+static void test_any_words_stay_on_one_line_that_parses(void** state)
+{
+    (void)state;
+    static char event[40][8];
+    for (int i = 0; i < 40; i++) {
+        char words[1200];
+        const int length = i * 29;
+        for (int k = 0; k < length; k++) {
+            words[k] = (char)(1 + (k * 7 + i) % 126);
+        }
+        words[length] = '\0';
+        log_words(words);
+        assert_null(strchr(words, '\n'));
+        assert_null(strchr(words, '"'));
+        snprintf(event[i], sizeof event[i], "w%d", i);
+        for (int format = LOG_TEXT; format <= LOG_JSON; format++) {
+            log_setup((log_format)format);
+            catch_lines();
+            log_event(LOG_INFO, event[i], "words=\"%s\" after=1", words);
+            const char* line = caught();
+            assert_true(strchr(line, '\n') == line + strlen(line) - 1);
+            json_file file;
+            if (format == LOG_JSON && !json_file_parse(&file, "line", line, strlen(line))) {
+                fail_msg("%s: %s", line, file.error);
+            }
+            if (format == LOG_JSON) {
+                json_file_free(&file);
+            }
+        }
+    }
+}
+
+static void test_a_flood_is_held_back_and_counted(void** state)
+{
+    (void)state;
+    log_setup(LOG_TEXT);
+    catch_lines();
+    for (int i = 0; i < 1000; i++) {
+        log_event(LOG_ERROR, "flood", "i=%d", i);
+    }
+    const char* text = caught();
+    int lines = 0;
+    for (const char* c = text; *c != '\0'; c++) {
+        lines += *c == '\n' ? 1 : 0;
+    }
+    assert_true(lines >= LOG_BURST && lines < 500); // more than a burst where a second has passed
+}
+
+static void test_the_journal_is_told_by_device_and_inode(void** state)
+{
+    (void)state;
+    struct stat facts;
+    assert_int_equal(fstat(catcher, &facts), 0);
+    char name[64];
+    snprintf(name, sizeof name, "%llu:%llu", (unsigned long long)facts.st_dev,
+             (unsigned long long)facts.st_ino);
+    const struct { const char* stream; bool journal; } CASES[] = {
+        { name, true }, { "0:0", false }, { "", false }, { "nonsense", false }, { "1", false },
+    };
+    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; i++) {
+        setenv("JOURNAL_STREAM", CASES[i].stream, 1);
+        static char event[5][8];
+        snprintf(event[i], sizeof event[i], "j%zu", i);
+        catch_lines();
+        log_setup(LOG_TEXT);
+        log_event(LOG_WARNING, event[i], "a=1");
+        assert_int_equal(strncmp(caught(), "<4>level=warning", 16) == 0, CASES[i].journal);
+    }
+    unsetenv("JOURNAL_STREAM");
+    log_setup(LOG_TEXT);
+}
+
+static int open_catcher(void** state)
+{
+    (void)state;
+    char path[] = "/tmp/verge-log-XXXXXX";
+    catcher = mkostemp(path, O_APPEND);
+    usual = dup(STDERR_FILENO);
+    return catcher < 0 || unlink(path) != 0 ? -1 : 0;
+}
+
+static int close_catcher(void** state)
+{
+    (void)state;
+    close(catcher);
+    return close(usual);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = { // the flood first: later ones use up the slots for words
+        cmocka_unit_test(test_a_flood_is_held_back_and_counted),
+        cmocka_unit_test(test_a_line_is_pairs_or_an_object_of_the_same),
+        cmocka_unit_test(test_only_what_json_spells_as_a_number_is_one),
+        cmocka_unit_test(test_any_words_stay_on_one_line_that_parses),
+        cmocka_unit_test(test_the_journal_is_told_by_device_and_inode),
+    };
+    return cmocka_run_group_tests(tests, open_catcher, close_catcher);
+}

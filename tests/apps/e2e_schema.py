@@ -145,6 +145,13 @@ def walk(kind, document, path, part, root):
     check_value(kind, document, path, part)
 
 
+def check_example(kind, page):
+    """The example of a manual page is a document as good as any."""
+    text = (ROOT / "apps/man" / page).read_text().split(".Sh EXAMPLES")[1]
+    document = json.loads(text.split(".Bd -literal\n")[1].split(".Ed")[0])
+    assert kind.schema_accepts(document) and kind.program(document) is None, page
+
+
 def check_configurations(binaries, work):
     kind = Kind("verge-rsu", [binaries / "verge-rsu", "--check-config", "--config"],
                 (66, 78), work)
@@ -175,6 +182,8 @@ def check_configurations(binaries, work):
         told = properties["properties"][name].get("default", value)
         assert told == value, (name, told, value)
     walk(kind, printed, [], kind.schema, kind.schema)
+    (work / "road.json").write_text((ROOT / "apps/site/road.json").read_text())
+    check_example(kind, "verge-rsu.json.5")
     for document, why in (
             ({**printed, "road_file": "road.json"}, "two roads"),
             (changed(printed, ["road"], ...), "no road"),
@@ -218,6 +227,7 @@ def check_scenarios(binaries, work):
         "planner": {"iterations": 20}, "simulation": {"duration": 1, "replan": 0.5}}
     assert kind.schema_accepts(whole) and kind.program(whole) is None, kind.program(whole)
     walk(kind, whole, [], kind.schema, kind.schema)
+    check_example(kind, "verge-scenario.5")
     human = whole["vehicles"][1]
     for document, why in (
             (changed(whole, ["vehicles", 0, "track"], human["track"]), "a track it cannot follow"),

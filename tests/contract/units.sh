@@ -13,6 +13,10 @@ fi
 rm -rf "$work"
 mkdir -p "$work"
 cmake --install "$build_dir" --prefix "$work/usr" --component rsu >"$work/install.log"
+echo '{ "changed": "by the site" }' >"$work/usr/etc/verge/rsu.json"
+cmake --install "$build_dir" --prefix "$work/usr" --component rsu >"$work/install.log"
+grep -q 'by the site' "$work/usr/etc/verge/rsu.json" ||
+    { echo "installing again overwrote the configuration" >&2; exit 1; }
 units=$work/usr/lib/systemd/system
 cp "$units/verge-rsu@.service" "$work/verge-rsu@east.service" # a template is judged by an instance
 

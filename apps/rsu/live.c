@@ -593,7 +593,8 @@ static void tell_manager(live* self, int64_t now)
 static void tell_refusals(live* self, const transport_stats* bus)
 {
     const inbox_counters* rx = &self->cycle.inbox.counters;
-    const uint64_t refusals = rx->rx_stale + rx->rx_future + rx->rx_duplicate +
+    const bool several = self->buses.count > 1; // then who is heard on two says everything twice
+    const uint64_t refusals = rx->rx_stale + rx->rx_future + (several ? 0 : rx->rx_duplicate) +
                               rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
                               rx->rx_over_capacity + rx->rx_id_conflict + bus->malformed +
                               bus->dropped + transport_refused(bus);

@@ -10,7 +10,8 @@
 /// through weak symbols instead of being signalled.
 ///
 /// Method: the heap functions of the C library are replaced and passed on to glibc's own names
-/// for them (no dlsym, which allocates). Threads are counted together.
+/// for them (no dlsym, which allocates). Threads are counted together, unless HEAP_GUARD_THREAD
+/// names those to count: where middleware allocates in threads of its own, our own must not.
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
@@ -20,6 +21,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 void* __libc_malloc(size_t size);
@@ -34,9 +36,20 @@ void heap_guard_disarm(void);
 static atomic_bool          armed;
 static atomic_uint_fast64_t allocations, frees, bytes;
 
+static const char* thread_name; // null: every thread counts
+
+static bool counts_here(void)
+{
+    if (!atomic_load(&armed)) {
+        return false;
+    }
+    char name[16] = "";
+    return thread_name == NULL || (prctl(PR_GET_NAME, name) == 0 && strcmp(name, thread_name) == 0);
+}
+
 static void count(size_t size)
 {
-    if (atomic_load(&armed)) {
+    if (counts_here()) {
         atomic_fetch_add(&allocations, 1);
         atomic_fetch_add(&bytes, size);
     }
@@ -79,7 +92,7 @@ int posix_memalign(void** memory, size_t alignment, size_t size)
 
 void free(void* memory)
 {
-    if (memory != NULL && atomic_load(&armed)) {
+    if (memory != NULL && counts_here()) {
         atomic_fetch_add(&frees, 1);
     }
     __libc_free(memory);
@@ -159,6 +172,7 @@ static void on_signal(int number)
 
 __attribute__((constructor)) static void install(void)
 {
+    thread_name = getenv("HEAP_GUARD_THREAD");
     struct sigaction action;
     memset(&action, 0, sizeof action);
     action.sa_handler = on_signal;

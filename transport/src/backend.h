@@ -62,7 +62,7 @@ typedef struct backend {
     int  (*send)(void* self, int64_t utime, const char* channel, const uint8_t* payload,
                 size_t size);
     /// A sender in words; null: as a number.
-    void (*sender_text)(uint64_t sender, char* text, size_t size);
+    void (*sender_text)(const void* self, uint64_t sender, char* text, size_t size);
     /// As transport_exposed(). Null: never.
     bool (*exposed)(const char* rest, const transport_options* options, char* words,
                     size_t words_size);

@@ -185,6 +185,25 @@ static bool dds_bus_ended(const void* self)
     return false;
 }
 
+/// The GUID as DDS tools print it; the bare handle of a writer that has left.
+static void dds_bus_sender_text(const void* self, uint64_t sender, char* text, size_t size)
+{
+    const dds* mine = self;
+    for (uint32_t kind = TRANSPORT_STATE; kind < KINDS; ++kind) {
+        dds_builtintopic_endpoint_t* writer =
+            mine->readers[kind] > 0
+                ? dds_get_matched_publication_data(mine->readers[kind], sender) : NULL;
+        if (writer != NULL) {
+            const uint8_t* v = writer->key.v;
+            snprintf(text, size, "%08x:%08x:%08x:%08x", codec_get_u32(v), codec_get_u32(v + 4),
+                     codec_get_u32(v + 8), codec_get_u32(v + 12));
+            dds_builtintopic_free_endpoint(writer);
+            return;
+        }
+    }
+    snprintf(text, size, "%016" PRIx64, sender);
+}
+
 static bool dds_bus_exposed(const char* rest, const transport_options* options, char* words,
                             size_t words_size)
 {
@@ -586,6 +605,7 @@ const backend backend_dds = {
     .ended = dds_bus_ended,
     .take = dds_bus_take,
     .send = dds_bus_send,
+    .sender_text = dds_bus_sender_text,
     .exposed = dds_bus_exposed,
     .keeps_time = false,
 };

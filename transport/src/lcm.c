@@ -215,8 +215,9 @@ static int lcm_send(void* self, int64_t utime, const char* channel, const uint8_
     return sendmsg(mine->send_fd, &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0 ? -1 : 0;
 }
 
-static void lcm_sender_text(uint64_t sender, char* text, size_t size)
+static void lcm_sender_text(const void* self, uint64_t sender, char* text, size_t size)
 {
+    (void)self;
     const uint32_t address = (uint32_t)(sender >> 16);
     snprintf(text, size, "%u.%u.%u.%u:%u", (unsigned)(address >> 24), (unsigned)(address >> 16 & 255),
              (unsigned)(address >> 8 & 255), (unsigned)(address & 255), (unsigned)(sender & 65535));
@@ -485,7 +486,7 @@ static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet
 static void complain(lcm* self, transport_refusal refusal, const packet* packet)
 {
     char line[COMPLAINT_SIZE], sender[32];
-    lcm_sender_text(packet->sender, sender, sizeof sender);
+    lcm_sender_text(NULL, packet->sender, sender, sizeof sender);
     snprintf(line, sizeof line, "lcm: a message from %s was refused as %s: %s", sender,
              transport_refusal_name(refusal), lcm_auth_text(refusal));
     complaints_add(&self->complaints, refusal, line);

@@ -124,7 +124,7 @@ int transport_fd(const transport* bus)
 void transport_sender_text(const transport* bus, uint64_t sender, char* text, size_t size)
 {
     if (bus->bus->sender_text != NULL) {
-        bus->bus->sender_text(sender, text, size);
+        bus->bus->sender_text(bus->self, sender, text, size);
     } else {
         snprintf(text, size, "%016" PRIx64, sender);
     }

@@ -201,7 +201,8 @@ int  transport_fd(const transport* bus);
 /// Takes at most max waiting messages, never blocks. Returns how many; 0 may also mean that a
 /// portion of other channels' messages was skipped and more is waiting (poll says so).
 uint32_t transport_drain(transport* bus, transport_message* messages, uint32_t max);
-/// A sender in words for people, such as 10.1.0.7:40312; cut to size.
+/// A sender in words for people: on LCM its address as 10.1.0.7:40312, on DDS the GUID of its
+/// writer, which DDS tools list; cut to size.
 void transport_sender_text(const transport* bus, uint64_t sender, char* text, size_t size);
 /// log: nothing more will come.
 bool transport_ended(const transport* bus);

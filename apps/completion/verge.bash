@@ -1,5 +1,5 @@
-# Completion of all programs of verge, in bash and (after `bashcompinit`) in zsh. The programs
-# themselves say what there is: the options and the kinds of their values come from --help.
+# Completion of all programs of verge in bash. The programs themselves say what there is: the
+# options and the kinds of their values come from --help.
 _verge() {
     local program=$1 current=$2 previous=$3 help kind words=
     COMPREPLY=()

@@ -213,7 +213,8 @@ static void show_vehicles(const json_at* root)
     {
         const json_at vehicle = json_element(&vehicles, node, index++);
         const json_at plan = json_member(&vehicle, "plan");
-        printf("%8" PRId64 " %-9s %6" PRId64 " %5" PRId64 " %7" PRId64 " %10.2f %10.2f %8.3f %8.2f\n",
+        printf("%8" PRId64 " %-9s %6" PRId64 " %5" PRId64 " %7" PRId64
+               " %10.2f %10.2f %8.3f %8.2f\n",
                whole(&vehicle, "id"), json_none(&plan) ? "-" : json_string(&vehicle, "plan"),
                whole(&vehicle, "age_ms"), whole(&vehicle, "lane"), whole(&vehicle, "target_lane"),
                real(&vehicle, "x"), real(&vehicle, "y"), real(&vehicle, "heading"),

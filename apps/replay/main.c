@@ -5,6 +5,7 @@
 /// the same; 1: one differs; 2: the recording or the command line is not usable. With --seed the
 /// plans are other ones, so that digests differ unless it is the seed of the recording.
 #define _GNU_SOURCE
+#include "common/floating.h"
 #include "common/options.h"
 #include "common/world.h"
 #include "rsu/replay.h"
@@ -20,6 +21,7 @@ static int  replay_log(const char* path, const char* config_path, const uint64_t
 
 int main(int argc, char** argv)
 {
+    floating_correct(); // what is compared is compared in the mode it was planned in
     const char* config_path = NULL;
     const char* seed_text = NULL;
     const option_entry table[] = {

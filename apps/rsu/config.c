@@ -71,9 +71,10 @@ void config_free(config* self)
 /// Everything but the road.
 static int read_document(config* self, const json_at* root)
 {
-    static const char* const KEYS[] = { "format",    "rsu_id",   "bus",     "dds",       "lcm", "road",
-                                        "road_file", "cycle_ms", "planner", "freshness",
-                                        "control", "metrics", "realtime", "log_format", NULL };
+    static const char* const KEYS[] = {
+        "format", "rsu_id", "bus", "dds", "lcm", "road", "road_file", "cycle_ms", "planner",
+        "freshness", "control", "metrics", "realtime", "log_format", NULL,
+    };
     if (!json_expect_object(root, KEYS)) {
         return EXIT_CONFIG;
     }

@@ -11,10 +11,8 @@
 #include "cycle.h"
 #include "log.h"
 #include "notify.h"
+#include "operators.h"
 #include "realtime.h"
-#include "replace.h"
-#include "report.h"
-#include "server.h"
 #include "status.h"
 #include "worker.h"
 
@@ -62,9 +60,7 @@ typedef struct live {
     uint64_t       refusals;     // rx refusals already in the log
     uint64_t       over_capacity; // the same of these alone
     notify         notify;       // the service manager
-    server*        control;      // verge-ctl; null: not asked for
-    server*        metrics;      // Prometheus; null: not asked for
-    int            metrics_errno; // of the last time the metrics file was written
+    operators      operators;
     status         status;
     cycle          cycle;
     transport_message inbound[DRAIN_BATCH];
@@ -103,7 +99,7 @@ static int  load(live* self);
 static int  open_ends(live* self);
 static void block_signals(void);
 static int  open_descriptors(live* self);
-static int  open_servers(live* self);
+static int  open_operators(live* self);
 static void open_notify(live* self);
 static int  fail(int code, const char* line);
 static void arm(int timer_fd, uint32_t period_ms);
@@ -119,7 +115,7 @@ static int start(live* self)
         code = open_descriptors(self);
     }
     if (code == 0) {
-        code = open_servers(self);
+        code = open_operators(self);
     }
     if (code != 0) {
         return code;
@@ -142,13 +138,20 @@ static int start(live* self)
     return 0;
 }
 
-/// The watchdog is fed by completed cycles: it must be more patient than one of them.
+static void check_patience(const live* self);
+
 static void open_notify(live* self)
 {
     if (!notify_open(&self->notify)) {
         log_event(LOG_WARNING, "notify_unusable",
                   "reason=\"NOTIFY_SOCKET is neither a short path nor an abstract name\"");
     }
+    check_patience(self);
+}
+
+/// The watchdog is fed by completed cycles: it must be more patient than one of them.
+static void check_patience(const live* self)
+{
     const int64_t patience_us = self->notify.watchdog_us;
     if (patience_us > 0 && patience_us < 2000 * (int64_t)self->config->cycle_ms) {
         log_event(LOG_WARNING, "watchdog_short",
@@ -273,28 +276,18 @@ static int open_descriptors(live* self)
     return 0;
 }
 
-static void on_control(void* context, const char* request, text* answer);
-static void on_scrape(void* context, const char* request, text* answer);
+static operators_view look(void* context);
+static bool reload(void* context, char error[CONFIG_ERROR_SIZE]);
 
 /// The operators' ends, if any are asked for; and then, everything being there, memory is locked.
-static int open_servers(live* self)
+static int open_operators(live* self)
 {
-    char error[CONFIG_ERROR_SIZE] = "";
-    char line[CONFIG_ERROR_SIZE + 32];
-    const service*   service = &self->config->service;
-    const server_def control = { "\n", REPORT_SIZE, on_control, self };
-    const server_def metrics = { "\r\n\r\n", REPORT_METRICS_SIZE, on_scrape, self };
-    if (service->control[0] != '\0' &&
-        !server_open_unix(&self->control, &control, service->control, error, sizeof error)) {
-        snprintf(line, sizeof line, "control: %s", error);
-        return fail(EXIT_OS, line);
-    }
-    if (service->metrics_listen[0] != '\0' &&
-        !server_open_tcp(&self->metrics, &metrics,
-                         (const struct sockaddr*)&service->metrics_address,
-                         service->metrics_address_size, error, sizeof error)) {
-        snprintf(line, sizeof line, "metrics.listen: %s", error);
-        return fail(EXIT_OS, line);
+    char error[CONFIG_ERROR_SIZE];
+    const service*      service = &self->config->service;
+    const operators_def def = { .context = self, .look = look, .reload = reload };
+    const int code = operators_open(&self->operators, service, &def, error);
+    if (code != 0) {
+        return fail(code, error);
     }
     return realtime_lock(service, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
@@ -331,7 +324,7 @@ static void loop(live* self)
 {
     const int64_t limit = self->options->cycles;
     for (;;) {
-        struct pollfd ends[OWN_ENDS + CONFIG_BUSES_MAX + 2 * SERVER_ENDS] = {
+        struct pollfd ends[OWN_ENDS + CONFIG_BUSES_MAX + OPERATORS_ENDS] = {
             { .fd = self->signal_fd, .events = POLLIN },
             { .fd = worker_fd(self->worker), .events = POLLIN },
             { .fd = self->cycle_fd, .events = POLLIN },
@@ -339,8 +332,7 @@ static void loop(live* self)
         };
         uint32_t count = OWN_ENDS;
         count += buses_poll(&self->buses, ends + count);
-        count += server_ends(self->control, ends + count);
-        count += server_ends(self->metrics, ends + count);
+        count += operators_ends(&self->operators, ends + count);
         if (poll(ends, count, STATUS_PERIOD_MS) < 0 && errno != EINTR) {
             log_event(LOG_ERROR, "poll", "error=%s", strerror(errno));
         }
@@ -357,10 +349,8 @@ static void loop(live* self)
         on_tick(self);
         on_status_due(self);
         tell_changes(self);
-        // Operators come last: nothing waits for them.
-        const int64_t now = clock_us(CLOCK_MONOTONIC);
-        server_serve(self->control, now);
-        server_serve(self->metrics, now);
+        // Last: nothing waits for them.
+        operators_serve(&self->operators, clock_us(CLOCK_MONOTONIC));
     }
 }
 
@@ -552,7 +542,6 @@ static void send_messages(live* self)
 static void watch_bus(live* self, int64_t now);
 static void send_status(live* self, int64_t now);
 static void tell_manager(live* self, int64_t now);
-static void write_metrics(live* self, int64_t now);
 
 static void tell_refusals(live* self, const transport_stats* bus);
 
@@ -574,7 +563,7 @@ static void on_status_due(live* self)
     tell_refusals(self, &stats);
     send_status(self, now);
     tell_manager(self, now);
-    write_metrics(self, now);
+    operators_write(&self->operators);
 }
 
 /// What `systemctl status` shows.
@@ -654,66 +643,14 @@ static void watch_bus(live* self, int64_t now)
 
 // ---- operators ----------------------------------------------------------------------------
 
-static bool reload(live* self, char error[CONFIG_ERROR_SIZE]);
-
-/// verge-ctl asks: one word, one line of JSON back.
-static void on_control(void* context, const char* request, text* answer)
+static operators_view look(void* context)
 {
-    live* self = context;
-    char  error[CONFIG_ERROR_SIZE];
-    if (request != NULL && strcmp(request, "status") == 0) {
-        const verge_rsu_status_t status = status_now(self, clock_us(CLOCK_MONOTONIC));
-        report_status(answer, self->config, &status);
-    } else if (request != NULL && strcmp(request, "vehicles") == 0) {
-        report_vehicles(answer, &self->cycle);
-    } else if (request != NULL && strcmp(request, "plans") == 0) {
-        report_plans(answer, &self->cycle);
-    } else if (request != NULL && strcmp(request, "reload") == 0) {
-        const bool accepted = reload(self, error);
-        text_add(answer, "{\"accepted\":%s,\"reason\":", accepted ? "true" : "false");
-        text_add_string(answer, accepted ? "" : error);
-        text_add(answer, "}\n");
-    } else {
-        text_add(answer, "{\"error\":\"unknown request, expected status, vehicles, plans or "
-                 "reload\"}\n");
-    }
-}
-
-/// Prometheus asks.
-static void on_scrape(void* context, const char* request, text* answer)
-{
-    static const char GET[] = "GET /metrics";
-    live* self = context;
-    const bool get = request != NULL && strncmp(request, "GET ", 4) == 0;
-    const char after = get ? request[strlen(request) < sizeof GET - 1 ? 0 : sizeof GET - 1] : '\0';
-    const bool here = get && strncmp(request, GET, sizeof GET - 1) == 0 &&
-                      (after == ' ' || after == '?');
-    const char* status = here ? "200 OK" : get ? "404 Not Found" : "405 Method Not Allowed";
-    text_add(answer, "HTTP/1.1 %s\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\n"
-             "Connection: close\r\n\r\n", request != NULL ? status : "400 Bad Request");
-    if (here) {
-        const verge_rsu_status_t message = status_now(self, clock_us(CLOCK_MONOTONIC));
-        report_metrics(answer, &message, &self->cycle);
-    }
-}
-
-/// The same as a file, for collectors that read files. Trouble is told when it changes.
-static void write_metrics(live* self, int64_t now)
-{
-    const char* path = self->config->service.metrics_file;
-    if (path[0] == '\0') {
-        return;
-    }
-    static char buffer[REPORT_METRICS_SIZE];
-    text out = text_in(buffer, sizeof buffer);
-    const verge_rsu_status_t message = status_now(self, now);
-    report_metrics(&out, &message, &self->cycle);
-    const int trouble = replace_file(path, out.bytes, out.size);
-    if (trouble != 0 && trouble != self->metrics_errno) {
-        log_event(LOG_WARNING, "metrics_failed", "file=\"%s\" error=\"%s\"", path,
-                  strerror(trouble));
-    }
-    self->metrics_errno = trouble;
+    const live* self = context;
+    return (operators_view){
+        .config = self->config,
+        .cycle = &self->cycle,
+        .status = status_now(self, clock_us(CLOCK_MONOTONIC)),
+    };
 }
 
 /// On SIGUSR1: what has been counted so far, on one line.
@@ -757,8 +694,9 @@ static bool on_signals(live* self)
 /// Reads and builds everything the new configuration needs; it takes force at the next cycle.
 /// Whatever goes wrong, the old one stays in force as if nothing had been asked, and error holds
 /// the reason.
-static bool reload(live* self, char error[CONFIG_ERROR_SIZE])
+static bool reload(void* context, char error[CONFIG_ERROR_SIZE])
 {
+    live* self = context;
     char reloading[64];
     snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
              clock_us(CLOCK_MONOTONIC));
@@ -827,6 +765,7 @@ static void install_next(live* self)
     }
     if (period_changed) {
         arm(self->cycle_fd, self->config->cycle_ms);
+        check_patience(self);
     }
     open_log(self);
     status_fault_clear(&self->status, RSU_FAULT_CONFIG);
@@ -850,7 +789,7 @@ static int stop(live* self)
     send_messages(self);
     self->status.stopping = true;
     send_status(self, clock_us(CLOCK_MONOTONIC));
-    write_metrics(self, clock_us(CLOCK_MONOTONIC));
+    operators_write(&self->operators);
     log_event(LOG_INFO, "stopped",
               "cycles=%" PRId64 " plans=%" PRIu64 " fallbacks=%" PRIu64 " deadline_misses=%" PRIu64,
               self->cycle_count, self->cycle.counters.plans, self->cycle.counters.fallbacks,
@@ -859,7 +798,7 @@ static int stop(live* self)
         // The contract gives us a second; a planning step may take longer, and nobody needs its
         // plan any more. The recording is complete without it.
         transport_close(self->record);
-        server_close(self->control);
+        operators_close(&self->operators);
         _exit(0);
     }
     release(self);
@@ -869,8 +808,7 @@ static int stop(live* self)
 static void release(live* self)
 {
     notify_close(&self->notify);
-    server_close(self->control);
-    server_close(self->metrics);
+    operators_close(&self->operators);
     worker_destroy(self->worker);
     drop_next(self);
     transport_close(self->record);

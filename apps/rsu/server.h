@@ -1,7 +1,7 @@
 /// Answers short requests on a socket without ever waiting for a client: verge-ctl's on a UNIX
 /// socket, Prometheus's on a loopback port.
 ///
-///     server_def def = { .end = "\n", .answer_size = 65536, .answer = on_request, .context = self };
+///     server_def def = { "\n", 65536, on_request, self };
 ///     server_open_unix(&server, &def, "/run/verge/rsu.sock", error, sizeof error);
 ///     count += server_ends(server, ends + count);      // what to poll for
 ///     server_serve(server, now);                       // whatever is possible just now

@@ -13,7 +13,7 @@ import time
 
 import e2e_lcm
 from daemon_rig import check
-from e2e_lcm import URL, Bus, Daemon, three_and_a_human
+from e2e_lcm import SOURCE, URL, Bus, Daemon, three_and_a_human
 
 
 class Echo:
@@ -100,6 +100,29 @@ def it_ends_by_itself_where_told(rig):
     check(code == 0 and out.count("state ") >= 10 and "states" in error, error)
 
 
+def on_dds_it_takes_the_same_options_as_the_daemon(rig):
+    dds = {"interfaces": ["lo"]}
+    options = rig.folder / "bus.json"
+    options.write_text(json.dumps({"dds": dds}))
+    config = rig.config(bus="dds:7", dds=dds, road=None, cycle_ms=200,
+                        road_file=str(SOURCE / "apps/scenarios/ramp-case1.json"))
+    code, _, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--check-config")
+    if "not built" in error:
+        return
+    with Daemon(rig, config):
+        echo = Echo(rig, "--json", "--bus-options", options, url="dds:7")
+        code, _, error = rig.run(rig.bin / "verge-publish",
+                                 SOURCE / "apps/scenarios/ramp-case1.json", "--bus", "dds:7",
+                                 "--bus-options", options, "--duration", "4", "--quiet")
+        check(code == 0, error)
+    code, lines, summary = echo.end()
+    kinds = {json.loads(line)["kind"] for line in lines}
+    check(code == 0 and kinds == {"state", "plan", "status"}, f"{kinds} {summary}")
+    options.write_text('{"dds": {"interface": "lo"}}')
+    code, _, error = rig.run(rig.bin / "verge-echo", "dds:7", "--bus-options", options)
+    check(code == 64 and "dds.interface" in error and error.count("\n") == 1, error)
+
+
 def wrong_use_has_its_exit_codes(rig):
     echo = rig.bin / "verge-echo"
     for wrong in ([], ["lcm:" + URL, "--bogus"], ["lcm:" + URL, "--count", "0"], ["tcp:x"],
@@ -139,6 +162,7 @@ CASES = [
     what_is_on_the_bus_is_printed_and_summed_up,
     as_json_every_field_is_what_was_sent,
     it_ends_by_itself_where_told,
+    on_dds_it_takes_the_same_options_as_the_daemon,
     wrong_use_has_its_exit_codes,
     verge_ctl_shows_vehicles_and_plans,
 ]

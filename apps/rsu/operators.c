@@ -1,0 +1,116 @@
+/// See operators.h.
+#include "operators.h"
+
+#include "log.h"
+#include "replace.h"
+#include "report.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static void on_control(void* context, const char* request, text* answer);
+static void on_scrape(void* context, const char* request, text* answer);
+
+int operators_open(operators* self, const service* service, const operators_def* def,
+                   char error[CONFIG_ERROR_SIZE])
+{
+    const server_def control = { "\n", REPORT_SIZE, on_control, self };
+    const server_def metrics = { "\r\n\r\n", REPORT_METRICS_SIZE, on_scrape, self };
+    char why[CONFIG_ERROR_SIZE - 32];
+    self->def = *def;
+    memcpy(self->metrics_file, service->metrics_file, sizeof self->metrics_file);
+    if (service->control[0] != '\0' &&
+        !server_open_unix(&self->control, &control, service->control, why, sizeof why)) {
+        snprintf(error, CONFIG_ERROR_SIZE, "control: %s", why);
+        return EXIT_OS;
+    }
+    if (service->metrics_listen[0] != '\0' &&
+        !server_open_tcp(&self->metrics, &metrics,
+                         (const struct sockaddr*)&service->metrics_address,
+                         service->metrics_address_size, why, sizeof why)) {
+        snprintf(error, CONFIG_ERROR_SIZE, "metrics.listen: %s", why);
+        return EXIT_OS;
+    }
+    return 0;
+}
+
+void operators_close(operators* self)
+{
+    server_close(self->control);
+    server_close(self->metrics);
+    self->control = self->metrics = NULL;
+}
+
+uint32_t operators_ends(const operators* self, struct pollfd* ends)
+{
+    const uint32_t count = server_ends(self->control, ends);
+    return count + server_ends(self->metrics, ends + count);
+}
+
+void operators_serve(operators* self, int64_t now)
+{
+    server_serve(self->control, now);
+    server_serve(self->metrics, now);
+}
+
+/// verge-ctl asks: one word, one line of JSON back.
+static void on_control(void* context, const char* request, text* answer)
+{
+    const operators_def* def = &((operators*)context)->def;
+    const operators_view view = def->look(def->context);
+    const char* word = request != NULL ? request : "";
+    if (strcmp(word, "status") == 0) {
+        report_status(answer, view.config, &view.status);
+    } else if (strcmp(word, "vehicles") == 0) {
+        report_vehicles(answer, view.cycle);
+    } else if (strcmp(word, "plans") == 0) {
+        report_plans(answer, view.cycle);
+    } else if (strcmp(word, "reload") == 0) {
+        char error[CONFIG_ERROR_SIZE] = "";
+        const bool accepted = def->reload(def->context, error);
+        text_add(answer, "{\"accepted\":%s,\"reason\":", accepted ? "true" : "false");
+        text_add_string(answer, accepted ? "" : error);
+        text_add(answer, "}\n");
+    } else {
+        text_add(answer, "{\"error\":\"unknown request, expected status, vehicles, plans or "
+                 "reload\"}\n");
+    }
+}
+
+/// Prometheus asks, by HTTP. There is one page.
+static void on_scrape(void* context, const char* request, text* answer)
+{
+    static const char PAGE[] = "GET /metrics";
+    const operators_def* def = &((operators*)context)->def;
+    const char* line = request != NULL ? request : "";
+    const bool  get = strncmp(line, "GET ", 4) == 0;
+    const bool  here = strncmp(line, PAGE, sizeof PAGE - 1) == 0 &&
+                       (line[sizeof PAGE - 1] == ' ' || line[sizeof PAGE - 1] == '?');
+    text_add(answer, "HTTP/1.1 %s\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\n"
+             "Connection: close\r\n\r\n",
+             here              ? "200 OK"
+             : request == NULL ? "400 Bad Request"
+             : get             ? "404 Not Found"
+                               : "405 Method Not Allowed");
+    if (here) {
+        const operators_view view = def->look(def->context);
+        report_metrics(answer, &view.status, view.cycle);
+    }
+}
+
+void operators_write(operators* self)
+{
+    static char buffer[REPORT_METRICS_SIZE];
+    if (self->metrics_file[0] == '\0') {
+        return;
+    }
+    const operators_view view = self->def.look(self->def.context);
+    text out = text_in(buffer, sizeof buffer);
+    report_metrics(&out, &view.status, view.cycle);
+    const int trouble = replace_file(self->metrics_file, out.bytes, out.size);
+    if (trouble != 0 && trouble != self->metrics_trouble) { // told when it changes
+        log_event(LOG_WARNING, "metrics_failed", "file=\"%s\" error=\"%s\"", self->metrics_file,
+                  strerror(trouble));
+    }
+    self->metrics_trouble = trouble;
+}

@@ -9,6 +9,7 @@ Exit status 77: skipped, as in e2e_lcm.py, whose vehicles and bus these are.
 import collections
 import json
 import os
+import signal
 import sys
 import time
 
@@ -70,13 +71,14 @@ def a_late_plan_is_bridged_by_the_rest_of_the_last_one(rig):
 
 
 def no_tick_is_silent_and_no_plan_means_braking(rig):
-    config = rig.config(cycle_ms=100)
+    short = dict(QUICK, points=11) # a plan is over after a second
+    config = rig.config(cycle_ms=100, planner=short)
     with Daemon(rig, config) as rsu:
         bus = Bus()
         vehicles = three_and_a_human()
         bus.drive(vehicles, 1.0)
-        rig.config(cycle_ms=100, planner=dict(QUICK, iterations=1000000, steps=16))
-        rsu.signal(1)
+        rig.config(cycle_ms=100, planner=dict(short, iterations=1000000, steps=16))
+        rsu.signal(signal.SIGHUP)
         drive_until(bus, vehicles, lambda: {plan.status for _, plan, _ in bus.overruns} >= {0, BRAKE},
                     "first the rest of the last plans, then braking")
         first = next(at for at, plan, _ in bus.overruns)

@@ -479,6 +479,64 @@ static void test_points_come_back_with_time_and_jerk(void** state)
     assert_ptr_equal(wire_action_at(&message, header.utime), &message.actions[0]);
 }
 
+static void test_the_rest_of_a_plan_is_a_plan_that_ends_where_it_ended(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("rest");
+    uint32_t lefts = 0;
+    for (uint32_t round = 0; round < test_rounds(20000); ++round) {
+        verge_vehicle_plan_t plan = good_plan();
+        plan.dt_ms = 1 + (int32_t)(test_rng_next(&rng) % 1000);
+        plan.point_count = 2 + (int32_t)(test_rng_next(&rng) % (WIRE_POINTS_MAX - 1));
+        plan.action_count = (int32_t)(test_rng_next(&rng) % (WIRE_ACTIONS_MAX + 1));
+        for (int32_t i = 0; i < plan.point_count; ++i) {
+            plan.points[i] = (verge_plan_point_t){ .x = i, .speed = (float)i };
+        }
+        int32_t t = 0;
+        for (int32_t i = 0; i < plan.action_count; ++i) {
+            plan.actions[i] = (verge_plan_action_t){ .action = (int16_t)(i % 5), .t0_ms = t };
+            t += (int32_t)(test_rng_next(&rng) % 6000);
+            plan.actions[i].t1_ms = t;
+        }
+        const int64_t whole = (int64_t)(plan.point_count - 1) * plan.dt_ms * 1000;
+        plan.valid_until_utime = plan.utime + whole;
+        assert_null(wire_plan_check(&plan));
+
+        const int64_t at = plan.utime - 1000000 + (int64_t)(test_rng_next(&rng) %
+                                                            (uint64_t)(whole + 2000000));
+        verge_vehicle_plan_t rest;
+        const bool left = wire_plan_rest(&plan, at, &rest);
+        assert_int_equal(left, at < plan.utime + whole);
+        if (!left) {
+            continue;
+        }
+        lefts++;
+        assert_null(wire_plan_check(&rest));
+        assert_true(rest.utime >= plan.utime && (rest.utime <= at || rest.utime == plan.utime));
+        assert_true(at - rest.utime < (int64_t)plan.dt_ms * 1000);
+        assert_true(rest.utime + (int64_t)(rest.point_count - 1) * rest.dt_ms * 1000 ==
+                    plan.valid_until_utime);
+        assert_true(rest.valid_until_utime == plan.valid_until_utime);
+        assert_true(rest.points[rest.point_count - 1].x == plan.point_count - 1);
+        // What it says to do at any later instant is what the whole plan said.
+        const verge_plan_action_t* now = wire_action_at(&rest, at < plan.utime ? plan.utime : at);
+        const verge_plan_action_t* then = wire_action_at(&plan, at < plan.utime ? plan.utime : at);
+        assert_int_equal(now != NULL, then != NULL);
+        assert_true(now == NULL || now->action == then->action);
+        // And the rest of the rest is the rest of the whole.
+        verge_vehicle_plan_t twice, once;
+        const int64_t later = at + (int64_t)plan.dt_ms * 1500;
+        assert_int_equal(wire_plan_rest(&rest, later, &twice), wire_plan_rest(&plan, later, &once));
+        if (later < plan.utime + whole) {
+            assert_true(twice.utime == once.utime && twice.point_count == once.point_count);
+            assert_int_equal(twice.action_count, once.action_count);
+        }
+    }
+    assert_true(lefts > 0);
+    verge_vehicle_plan_t cancelled = wire_plan_cancelled(&header, 3, VERGE_REASON_NONE), rest;
+    assert_false(wire_plan_rest(&cancelled, header.utime, &rest));
+}
+
 static void test_a_cancelled_plan_is_acceptable_and_empty(void** state)
 {
     (void)state;
@@ -507,6 +565,7 @@ int main(void)
         cmocka_unit_test(test_equal_neighbouring_steps_become_one_action),
         cmocka_unit_test(test_the_first_ten_actions_are_kept),
         cmocka_unit_test(test_points_come_back_with_time_and_jerk),
+        cmocka_unit_test(test_the_rest_of_a_plan_is_a_plan_that_ends_where_it_ended),
         cmocka_unit_test(test_a_cancelled_plan_is_acceptable_and_empty),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -155,12 +155,12 @@ const char* lcm_auth_text(transport_refusal refusal)
     switch (refusal) {
     case TRANSPORT_ADMITTED: return "admitted";
     case TRANSPORT_NOT_ALLOWED: return "its address is not in lcm.allow";
-    case TRANSPORT_UNSIGNED: return "not signed: its sender needs lcm.keys and lcm.sign_with";
-    case TRANSPORT_UNKNOWN_KEY: return "signed with a key id that is not in lcm.keys";
-    case TRANSPORT_FORGED: return "forged, or its sender has another key under the same id";
-    case TRANSPORT_UNTIMELY: return "sent too long ago: replayed, or the clocks differ by more than "
-                              "lcm.window_ms";
-    case TRANSPORT_REPLAYED: return "replayed: this sender's message was heard before";
+    case TRANSPORT_UNSIGNED: return "its sender needs lcm.keys and lcm.sign_with";
+    case TRANSPORT_UNKNOWN_KEY: return "its key id is not in lcm.keys";
+    case TRANSPORT_FORGED: return "or its sender has another key under the same id";
+    case TRANSPORT_UNTIMELY: return "sent long ago, or the clocks differ by more than "
+                                    "lcm.window_ms";
+    case TRANSPORT_REPLAYED: return "this sender's message was heard before";
     case TRANSPORT_REFUSALS: break;
     }
     return "unknown";

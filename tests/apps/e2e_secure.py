@@ -393,6 +393,35 @@ def a_pair_with_certificates_works_and_nobody_can_read_it(rig):
         check((hits > 0) == (options is None), f"{hits} of {count} packets can be read, {options}")
 
 
+def an_observer_hears_all_and_a_renewed_certificate_takes_force_with_sighup(rig):
+    papers = certificates(rig, "ours", "rsu", "vehicle", "watch:observer")
+
+    def check_heard(what):
+        code, out, error = rig.run(rig.bin / "verge-echo", "dds:0", "--bus-options",
+                                   papers / "watch.options.json", "--json", "--count", "40")
+        check(code == 0, f"{what}: exit {code}: {error}")
+        kinds = {json.loads(line)["kind"] for line in out.splitlines()}
+        check(kinds >= {"state", "plan"}, f"{what}: only {kinds}")
+    with Daemon(rig, secured(rig, papers)) as rsu, \
+            Publisher(rig, papers / "vehicle.options.json") as vehicles:
+        wait_for(lambda: vehicles.plans() >= 3, "plans", 40)
+        check_heard("with the first certificate")
+        (papers / "rsu.crt.pem").write_text("torn")
+        rsu.signal(signal.SIGHUP)
+        rsu.wait_for("config_refused")
+        check("rsu.crt.pem: is no certificate" in rsu.text(), "told which file")
+        before = vehicles.plans()
+        wait_for(lambda: vehicles.plans() >= before + 9, "plans under the old one", 40)
+        (papers / "rsu.crt.pem").unlink()
+        certificates(rig, "ours")
+        rsu.signal(signal.SIGHUP)
+        rsu.wait_for("config_in_force")
+        before = vehicles.plans()
+        wait_for(lambda: vehicles.plans() >= before + 9, "plans under the new one", 40)
+        check_heard("with the second certificate")
+        check(rsu.stop()[1] == 0, "stops")
+
+
 def strangers_hear_nothing_and_are_not_heard_and_the_log_says_why(rig):
     ours, foreign = certificates(rig, "ours"), certificates(rig, "foreign")
     # Rights of one's own making: a good certificate, permissions by an authority of one's own.
@@ -479,6 +508,7 @@ LCM_CASES = [
 ]
 DDS_CASES = [
     a_pair_with_certificates_works_and_nobody_can_read_it,
+    an_observer_hears_all_and_a_renewed_certificate_takes_force_with_sighup,
     strangers_hear_nothing_and_are_not_heard_and_the_log_says_why,
     without_the_right_to_publish_nothing_starts_and_it_says_so,
     papers_that_cannot_work_are_refused_with_the_remedy,

@@ -49,6 +49,7 @@ enum {
 typedef struct dds {
     uint32_t     number;   ///< of the URL
     uint32_t     local;    ///< of the domain within this process
+    uint32_t     shared_crc32; ///< of a secured domain's configuration; 0: shared with nobody
     dds_entity_t domain, participant;
     dds_entity_t topics[KINDS], readers[KINDS], writers[KINDS];
     uint32_t     deadline_ms; ///< asked of senders of states, 0: none
@@ -66,6 +67,8 @@ typedef struct dds {
     uint8_t      bytes[CODEC_SIZE_MAX];
 } dds;
 
+/// One bus is opened or closed at a time. Not `lock`: Cyclone's threads speak while one waits.
+static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
 /// Guards the list of all buses.
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static dds*            buses[BUSES_MAX];
@@ -76,8 +79,10 @@ static pthread_once_t  trace_sink_set = PTHREAD_ONCE_INIT;
 static _Thread_local char* reason;
 
 static bool enlist(dds* self);
+static const dds* companion_of(const dds* self);
 static void delist(const dds* self);
-static int  domain_open(dds* self, const char* config);
+static int  domain_open(dds* self, const char* config, const transport_dds_security* security);
+static int  participant_open(dds* self, const transport_dds_security* security);
 static int  ends_open(dds* self, unsigned receive);
 static int  reader_open(dds* self, transport_kind kind);
 static int  writer_open(dds* self, transport_kind kind);
@@ -134,15 +139,25 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
     made->fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
 
     reason = said;
-    int result = made->fd >= 0 ? domain_open(made, config) : DDS_RETCODE_OUT_OF_RESOURCES;
+    pthread_mutex_lock(&gate);
+    int result = made->fd >= 0 ? domain_open(made, config, options->dds_security)
+                               : DDS_RETCODE_OUT_OF_RESOURCES;
     if (result == 0 && !enlist(made)) {
         result = DDS_RETCODE_OUT_OF_RESOURCES;
+    }
+    pthread_mutex_unlock(&gate);
+    if (result == 0) {
+        result = participant_open(made, options->dds_security);
     }
     if (result == 0) {
         result = ends_open(made, receive);
     }
     reason = NULL;
     const bool forbidden = result == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY;
+    if (result == DDS_RETCODE_PRECONDITION_NOT_MET) {
+        snprintf(said, sizeof said, "this program is in the domain already with other interfaces "
+                                    "or peers; a secured bus changes these at a restart only");
+    }
     if (forbidden && said[0] == '\0') {
         snprintf(said, sizeof said, "%.160s does not grant what this program publishes and hears",
                  options->dds_security->permissions);
@@ -159,14 +174,19 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
     return TRANSPORT_OK;
 }
 
-/// Deleting the domain ends its threads, so no listener runs after it.
+/// Deleting waits for listeners, so none runs after it. Who leaves a domain last ends it.
 static void dds_bus_close(void* self)
 {
     dds* mine = self;
-    if (mine->domain > 0) {
-        dds_delete(mine->domain);
+    pthread_mutex_lock(&gate);
+    if (mine->participant > 0) {
+        dds_delete(mine->participant);
     }
     delist(mine);
+    if (mine->domain > 0 && companion_of(mine) == NULL) {
+        dds_delete(mine->domain);
+    }
+    pthread_mutex_unlock(&gate);
     if (mine->fd >= 0) {
         close(mine->fd);
     }
@@ -298,21 +318,85 @@ static int dds_bus_send(void* self, int64_t utime, const char* channel, const ui
 
 // ---- domain and topics --------------------------------------------------------------------
 
+/// Another secured bus in the same domain with the same configuration. Within the gate.
+static const dds* companion_of(const dds* self)
+{
+    const dds* found = NULL;
+    pthread_mutex_lock(&lock);
+    for (uint32_t i = 0; i < BUSES_MAX && found == NULL; ++i) {
+        const dds* other = buses[i];
+        if (other != NULL && other != self && other->number == self->number &&
+            other->shared_crc32 == self->shared_crc32 && self->shared_crc32 != 0) {
+            found = other;
+        }
+    }
+    pthread_mutex_unlock(&lock);
+    return found;
+}
+
 /// A domain can be made once in a process under each number; the second bus gets another number
-/// here, and the same one on the network.
-static int domain_open(dds* self, const char* config)
+/// here, and the same one on the network. Not so when it is secured: Cyclone looks up the number
+/// it has here in the governance. Secured buses of one configuration share the domain, so that a
+/// daemon can enter with its new papers before it leaves with the old ones.
+static int domain_open(dds* self, const char* config, const transport_dds_security* security)
 {
     static atomic_uint next = 1000;
     self->local = self->number;
+    self->shared_crc32 = security != NULL ? transport_crc32(config, strlen(config)) : 0;
+    const dds* companion = companion_of(self);
+    if (companion != NULL) {
+        self->local = companion->local;
+        self->domain = companion->domain;
+        return 0;
+    }
     self->domain = dds_create_domain(self->local, config);
-    while (self->domain == DDS_RETCODE_PRECONDITION_NOT_MET) {
+    while (self->domain == DDS_RETCODE_PRECONDITION_NOT_MET && security == NULL) {
         self->local = atomic_fetch_add(&next, 1);
         self->domain = dds_create_domain(self->local, config);
     }
-    if (self->domain < 0) {
-        return self->domain;
+    return self->domain < 0 ? self->domain : 0;
+}
+
+/// The names under which Cyclone and the standard know the papers.
+static void papers_set(dds_qos_t* quality, const transport_dds_security* security)
+{
+    const struct { const char *name, *path; } papers[] = {
+        { "dds.sec.auth.identity_ca", security->identity_ca },
+        { "dds.sec.auth.identity_certificate", security->certificate },
+        { "dds.sec.auth.private_key", security->key },
+        { "dds.sec.access.permissions_ca", security->permissions_ca },
+        { "dds.sec.access.governance", security->governance },
+        { "dds.sec.access.permissions", security->permissions },
+    };
+    static const char* const plugins[][2] = {
+        { "dds.sec.auth.library.path", "dds_security_auth" },
+        { "dds.sec.auth.library.init", "init_authentication" },
+        { "dds.sec.auth.library.finalize", "finalize_authentication" },
+        { "dds.sec.access.library.path", "dds_security_ac" },
+        { "dds.sec.access.library.init", "init_access_control" },
+        { "dds.sec.access.library.finalize", "finalize_access_control" },
+        { "dds.sec.crypto.library.path", "dds_security_crypto" },
+        { "dds.sec.crypto.library.init", "init_crypto" },
+        { "dds.sec.crypto.library.finalize", "finalize_crypto" },
+    };
+    for (size_t i = 0; i < sizeof plugins / sizeof plugins[0]; ++i) {
+        dds_qset_prop(quality, plugins[i][0], plugins[i][1]);
     }
-    self->participant = dds_create_participant(self->local, NULL, NULL);
+    for (size_t i = 0; i < sizeof papers / sizeof papers[0]; ++i) {
+        char url[4096];
+        snprintf(url, sizeof url, "file:%s", papers[i].path);
+        dds_qset_prop(quality, papers[i].name, url);
+    }
+}
+
+static int participant_open(dds* self, const transport_dds_security* security)
+{
+    dds_qos_t* quality = dds_create_qos();
+    if (security != NULL) {
+        papers_set(quality, security);
+    }
+    self->participant = dds_create_participant(self->local, quality, NULL);
+    dds_delete_qos(quality);
     return self->participant < 0 ? self->participant : 0;
 }
 

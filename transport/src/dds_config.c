@@ -22,7 +22,6 @@ static void put_escaped(text* self, const char* value);
 static void put_interfaces(text* self, const transport_options* options);
 static void put_discovery(text* self, const transport_options* options, uint32_t domain,
                           bool theirs);
-static void put_security(text* self, const transport_dds_security* security);
 static bool interface_known(const char* interface, char name[IF_NAMESIZE], char* names,
                             size_t names_size);
 static bool interfaces_check(const transport_options* options, uint32_t domain, char* error,
@@ -54,9 +53,6 @@ bool dds_config_write(const transport_options* options, uint32_t domain, char* b
     put_discovery(&self, options, domain, theirs);
     // Closing waits this long for listeners that do not acknowledge: a daemon ends within a second.
     put(&self, "<Internal><WriterLingerDuration>200ms</WriterLingerDuration></Internal>");
-    if (options->dds_security != NULL) {
-        put_security(&self, options->dds_security);
-    }
     if (options->dds_security != NULL && !theirs) { // dds.c reads there who has no certificate
         put(&self, "<Tracing><Category>discovery</Category><OutputFile>stderr</OutputFile>"
                    "</Tracing>");
@@ -159,32 +155,6 @@ static void put_discovery(text* self, const transport_options* options, uint32_t
         put(self, "</Peers>");
     }
     put(self, "</Discovery>");
-}
-
-static void put_file(text* self, const char* element, const char* path)
-{
-    put(self, "<%s>file:", element);
-    put_escaped(self, path);
-    put(self, "</%s>", element);
-}
-
-static void put_security(text* self, const transport_dds_security* security)
-{
-    put(self, "<Security><Authentication><Library path=\"dds_security_auth\" "
-              "initFunction=\"init_authentication\" "
-              "finalizeFunction=\"finalize_authentication\"/>");
-    put_file(self, "IdentityCA", security->identity_ca);
-    put_file(self, "IdentityCertificate", security->certificate);
-    put_file(self, "PrivateKey", security->key);
-    put(self, "</Authentication><AccessControl><Library path=\"dds_security_ac\" "
-              "initFunction=\"init_access_control\" "
-              "finalizeFunction=\"finalize_access_control\"/>");
-    put_file(self, "PermissionsCA", security->permissions_ca);
-    put_file(self, "Governance", security->governance);
-    put_file(self, "Permissions", security->permissions);
-    put(self, "</AccessControl><Cryptographic><Library path=\"dds_security_crypto\" "
-              "initFunction=\"init_crypto\" finalizeFunction=\"finalize_crypto\"/>"
-              "</Cryptographic></Security>");
 }
 
 bool dds_config_leaves(const transport_options* options, char* interface, size_t size)

@@ -650,6 +650,7 @@ static operators_view look(void* context)
         .config = self->config,
         .cycle = &self->cycle,
         .status = status_now(self, clock_us(CLOCK_MONOTONIC)),
+        .bus = buses_statistics(&self->buses),
     };
 }
 

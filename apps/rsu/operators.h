@@ -17,6 +17,7 @@ typedef struct operators_view {
     const config*      config;
     const cycle*       cycle;
     verge_rsu_status_t status;
+    transport_stats    bus;
 } operators_view;
 
 /// What operators may look at and ask for.

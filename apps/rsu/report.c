@@ -126,6 +126,17 @@ static void add_received(text* out, const verge_rsu_status_t* status)
     }
 }
 
+/// Those of a signed or fenced lcm: bus; they are among the malformed, too.
+static void add_strangers(text* out, const transport_stats* bus)
+{
+    head(out, "verge_strangers_total", "counter",
+         "Messages refused for their sender, by what was wrong; malformed counts them, too.");
+    for (int i = TRANSPORT_ADMITTED + 1; i < TRANSPORT_REFUSALS; i++) {
+        text_add(out, "verge_strangers_total{reason=\"%s\"} %" PRIu64 "\n",
+                 transport_refusal_name((transport_refusal)i), bus->refused[i]);
+    }
+}
+
 static void add_arena(text* out, const verge_rsu_status_t* status)
 {
     head(out, "verge_arena_bytes", "gauge", "The planner's memory: its size, and the most in use.");
@@ -134,7 +145,8 @@ static void add_arena(text* out, const verge_rsu_status_t* status)
              status->arena_peak_bytes);
 }
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle)
+void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle,
+                    const transport_stats* bus)
 {
     head(out, "verge_build_info", "gauge", "Always 1; the labels tell version and configuration.");
     text_add(out, "verge_build_info{version=\"%s\",rsu_id=\"%" PRId32 "\",map_crc32=\"%08" PRIx32
@@ -162,6 +174,7 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cy
            "Of the plans sent, those that went out in place of a late one.",
            (int64_t)cycle->counters.overruns);
     add_received(out, status);
+    add_strangers(out, bus);
     add_arena(out, status);
     single(out, "verge_nodes_peak", "gauge", "Most nodes of the search tree.",
            status->nodes_peak);

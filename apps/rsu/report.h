@@ -21,6 +21,7 @@ void report_vehicles(text* out, const cycle* cycle);
 /// {"plans":[…]}: the messages in force.
 void report_plans(text* out, const cycle* cycle);
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle);
+void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle,
+                    const transport_stats* bus);
 
 #endif

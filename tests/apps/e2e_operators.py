@@ -177,7 +177,7 @@ NAMES = ["verge_build_info", "verge_start_time_seconds", "verge_state", "verge_f
          'verge_cycle_seconds{stat="p99"}', "verge_deadline_misses_total",
          "verge_plans_sent_total", "verge_fallbacks_total", "verge_overruns_total",
          'verge_rx_total{result="accepted"}', 'verge_rx_total{result="id_conflict"}',
-         'verge_arena_bytes{stat="size"}', "verge_nodes_peak"]
+         'verge_strangers_total{reason="forged"}', 'verge_arena_bytes{stat="size"}', "verge_nodes_peak"]
 
 
 def figures_are_served_over_http_and_agree_with_the_status(rig):

@@ -140,7 +140,7 @@ def check_told(rsu, cause):
 
 def signed_vehicles_are_planned_and_all_others_are_not(rig):
     ours, daemons = write_key(rig.folder / "one.key"), write_key(rig.folder / "two.key")
-    config = rig.config(bus=URL, cycle_ms=100, lcm={
+    config = rig.config(bus=URL, cycle_ms=100, metrics={"file": "figures.prom"}, lcm={
         "allow": ["127.0.0.0/25"], "sign_with": 2, "window_ms": 2000,
         "keys": [{"id": 1, "file": "one.key"}, {"id": 2, "file": "two.key"}]})
     good, forger, unknown = Signer(1, ours), Signer(1, os.urandom(32)), Signer(9, ours)
@@ -172,6 +172,11 @@ def signed_vehicles_are_planned_and_all_others_are_not(rig):
         for cause in ("unsigned", "forged", "unknown_key", "untimely", "not_allowed", "replayed"):
             check_told(rsu, cause)
         check("from 127.0.0.200:" in rsu.text(), "the stranger's address is told")
+        figures = rig.folder / "figures.prom"
+        for cause in ("unsigned", "forged", "unknown_key", "untimely", "not_allowed", "replayed"):
+            line = f'verge_strangers_total{{reason="{cause}"}} '
+            wait_for(lambda: figures.exists() and line in figures.read_text() and
+                     line + "0\n" not in figures.read_text(), line)
         told = rsu.text().count("event=bus_complaint")
         check(told <= 6 * 4, f"{told} lines for some hundred refusals")
         check(rsu.stop()[1] == 0, "stops")

@@ -171,12 +171,9 @@ def signed_vehicles_are_planned_and_all_others_are_not(rig):
         check(planned == {1, 2}, f"planned: {planned}")
         for cause in ("unsigned", "forged", "unknown_key", "untimely", "not_allowed", "replayed"):
             check_told(rsu, cause)
+            name = f'verge_strangers_total{{reason="{cause}"}}'
+            wait_for(lambda: figure(rig, name) > 0, name)
         check("from 127.0.0.200:" in rsu.text(), "the stranger's address is told")
-        figures = rig.folder / "figures.prom"
-        for cause in ("unsigned", "forged", "unknown_key", "untimely", "not_allowed", "replayed"):
-            line = f'verge_strangers_total{{reason="{cause}"}} '
-            wait_for(lambda: figures.exists() and line in figures.read_text() and
-                     line + "0\n" not in figures.read_text(), line)
         told = rsu.text().count("event=bus_complaint")
         check(told <= 6 * 4, f"{told} lines for some hundred refusals")
         check(rsu.stop()[1] == 0, "stops")
@@ -224,6 +221,8 @@ def a_replaced_key_takes_force_with_sighup(rig):
 
 
 def signing_and_checking_allocate_nothing(rig):
+    if b"__asan_init" in (rig.bin / "verge-rsu").read_bytes():
+        return "left out: a sanitizer brings a heap of its own"
     key = write_key(rig.folder / "one.key")
     guard, counts = shared_library(rig, "heap_guard"), rig.folder / "heap.txt"
     config = rig.config(bus=URL, cycle_ms=20, planner=dict(QUICK, iterations=20), lcm={
@@ -330,7 +329,14 @@ def secured(rig, papers, name="rsu.json", **changes):
     security = {key: str(papers / path) for key, path in security.items()}
     security.update({key: str(path) for key, path in changes.items()})
     return rig.config(name, bus="dds:0", cycle_ms=200, dds={"security": security},
-                      road=None, road_file=str(RAMP))
+                      road=None, road_file=str(RAMP), metrics={"file": "figures.prom"})
+
+
+def figure(rig, name):
+    """A number of the daemon's metrics file; 0 while there is none."""
+    path = rig.folder / "figures.prom"
+    lines = path.read_text().splitlines() if path.exists() else []
+    return next((float(line.split()[-1]) for line in lines if line.startswith(name + " ")), 0.0)
 
 
 class Publisher:
@@ -442,16 +448,17 @@ def strangers_hear_nothing_and_are_not_heard_and_the_log_says_why(rig):
         "rights of one's own making": (rights / "vehicle.options.json", "permissions from plugin"),
     }
     for name, (options, reason) in strangers.items():
+        (rig.folder / "figures.prom").unlink(missing_ok=True) # the last daemon's
         with Daemon(rig, secured(rig, ours)) as rsu, Publisher(rig, options) as stranger:
             rsu.wait_for(reason)
+            wait_for(lambda: figure(rig, "verge_cycles_total") > 10, "two seconds of cycles")
+            check(figure(rig, 'verge_rx_total{result="accepted"}') == 0, f"{name}: it is heard")
             began = time.monotonic()
             with Publisher(rig, ours / "vehicle.options.json") as friend:
                 # Long after the friend was heard the stranger still is not.
                 wait_for(lambda: friend.plans() >= 30, f"plans for the friend, beside {name}", 40)
             check(stranger.process.poll() is None, f"{name}: it ended:\n{stranger.text()}")
             check(stranger.plans() == 0, f"{name}: it hears plans:\n{stranger.text()}")
-            before = rsu.text()[:rsu.text().index("to=running")]
-            check("to=running" not in before and reason in before, f"{name}: it is not heard")
             lines = rsu.text().count("event=bus_complaint")
             seconds = time.monotonic() - began + 10
             check(lines <= 5 + 0.5 * seconds, f"{name}: {lines} lines in {seconds:.0f} s")

@@ -2,6 +2,8 @@
 /// second in real time, and drives each controlled vehicle along the newest valid plan that comes
 /// back for it, as a vehicle would. A vehicle that hears nothing keeps to its lane (world.h).
 #define _GNU_SOURCE
+#include "latency.h"
+
 #include "common/bus_json.h"
 #include "common/number.h"
 #include "common/options.h"
@@ -41,6 +43,7 @@ typedef struct arguments {
 typedef struct follower {
     int32_t cycle;  // -1: none yet
     int64_t utime;  // [us] of the newest plan
+    int64_t state_utime; // [us] of the state the newest plan was made from
 } follower;
 
 typedef struct publisher {
@@ -52,6 +55,9 @@ typedef struct publisher {
     bool            quiet;
     int64_t         start;      // [us] wall clock at the world's t = 0
     int32_t         sequence;
+    int64_t         sent_utime; // [us] of the states sent last
+    int64_t         sent_at;    // [us] wall clock when they were
+    latency         latency;
     uint64_t        refused;    // plans that made no sense
     follower        followers[VERGE_VEHICLES_MAX]; // in the world's order
     int32_t         gathered_cycle;
@@ -127,7 +133,7 @@ static int read_arguments(arguments* args, int argc, char** argv)
     return options_u64(&self, "--seed", args->seed_text, &args->seed, &args->seeded) ? 0 : 2;
 }
 
-static bool print_metrics(const publisher* self);
+static bool print_metrics(publisher* self);
 
 /// What the bus's middleware complains of; it comes with a rate limit.
 static void print_line(void* context, const char* line)
@@ -250,6 +256,8 @@ static void publish_states(publisher* self)
 {
     const int64_t utime = self->start + world_utime(&self->world);
     self->sequence++;
+    self->sent_utime = utime;
+    self->sent_at = clock_us(CLOCK_REALTIME);
     for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
         const world_vehicle* vehicle = &self->world.vehicles[i];
         if (!vehicle->present) {
@@ -262,7 +270,7 @@ static void publish_states(publisher* self)
     }
 }
 
-static void on_plan(publisher* self, const verge_vehicle_plan_t* message);
+static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_t arrival);
 
 /// Takes in plans until the next tick is due.
 static void follow_plans(publisher* self, int64_t until)
@@ -281,7 +289,7 @@ static void follow_plans(publisher* self, int64_t until)
         const uint32_t count = transport_drain(self->bus, batch, DRAIN_BATCH);
         for (uint32_t i = 0; i < count; i++) {
             if (batch[i].kind == TRANSPORT_PLAN) {
-                on_plan(self, &batch[i].as.plan);
+                on_plan(self, &batch[i].as.plan, batch[i].arrival_utime);
             }
         }
     }
@@ -296,7 +304,7 @@ static void print_plan(const publisher* self, const verge_vehicle_plan_t* messag
                        const verge_vehicle_plan* plan);
 
 /// A vehicle takes a plan that makes sense, is its own and is no older than the one it has.
-static void on_plan(publisher* self, const verge_vehicle_plan_t* message)
+static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_t arrival)
 {
     const char* fault = wire_plan_check(message);
     if (fault != NULL) {
@@ -311,6 +319,12 @@ static void on_plan(publisher* self, const verge_vehicle_plan_t* message)
             !vehicle->state.controlled || message->utime < follower->utime) {
             continue;
         }
+        const bool answers = message->state_utime == self->sent_utime &&
+                             message->state_utime != follower->state_utime;
+        if (message->status != VERGE_CANCELLED && message->reason != VERGE_REASON_OVERRUN) {
+            latency_add(&self->latency, message, arrival, answers ? self->sent_at : 0);
+        }
+        follower->state_utime = message->state_utime;
         follower->utime = message->utime;
         follower->cycle = message->status == VERGE_CANCELLED ? -1 : message->cycle;
         const verge_vehicle_plan plan = plan_of(message);
@@ -414,7 +428,7 @@ static void print_plan(const publisher* self, const verge_vehicle_plan_t* messag
     fflush(stdout);
 }
 
-static bool print_metrics(const publisher* self)
+static bool print_metrics(publisher* self)
 {
     fputs("{\"scenario\":", stdout);
     string_write(stdout, self->scene->name);
@@ -422,6 +436,8 @@ static bool print_metrics(const publisher* self)
     number_write_u64(stdout, self->scene->def.seed);
     fputs(",\n\"metrics\":", stdout);
     metrics_write(stdout, &self->metrics, false, "\n");
+    fputs(",\n\"latency\":", stdout);
+    latency_write(stdout, &self->latency);
     fputs("}\n", stdout);
     if (fflush(stdout) != 0 || ferror(stdout)) {
         fprintf(stderr, "verge-publish:standard output: %s\n", strerror(errno));

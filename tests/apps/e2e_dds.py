@@ -8,6 +8,7 @@ Types come from transport/types/verge.idl as it is written, so the client knows 
 other would; checksums and fields are compared with those lcm-gen makes of verge.lcm.
 """
 import collections
+import json
 import math
 import os
 import pathlib
@@ -390,7 +391,14 @@ def the_closed_loop_drives_by_its_plans(rig):
             "--bus-options", options, "--duration", "8")
         check(code == 0, error)
         check(text.count(" cycle ") >= 30, "a line for each vehicle and plan:\n" + text)
-        check('"collisions": 0' in text or '"collisions":0' in text, text[-2000:])
+        result = json.loads(text[text.index("{"):])
+        check(result["metrics"]["collisions"] == 0, text[-2000:])
+        for name in ("state_to_plan_ms", "plan_to_here_ms"):
+            waits = result["latency"][name]
+            check(waits["count"] >= 30 and 0 < waits["p50"] <= waits["p99"] <= waits["max"],
+                  f"{name}: {waits}")
+        # A cycle's plan is due well before the next cycle begins.
+        check(result["latency"]["plan_to_here_ms"]["p50"] < 500, f"{result['latency']}")
         check(rsu.stop()[1] == 0, "stops")
     options.write_text('{ "dds": { "interface": ["lo"] } }')
     code, _, error = rig.run(rig.bin / "verge-publish",

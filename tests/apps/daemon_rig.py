@@ -42,6 +42,10 @@ class Rig:
         self.bin = pathlib.Path(binaries).resolve()
         self.folder = pathlib.Path(folder)
 
+    def sanitized(self):
+        """The address sanitizer locks no memory and wants to be loaded first."""
+        return b"__asan_init" in (self.bin / "verge-rsu").read_bytes()
+
     def config(self, name="rsu.json", **changes):
         document = {"format": "verge-rsu/1", "rsu_id": 5, "bus": "loop:", "road": ROAD,
                     "cycle_ms": 50, "planner": dict(QUICK)}

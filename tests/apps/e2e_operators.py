@@ -25,6 +25,14 @@ def ctl(rig, *args):
     return rig.run(rig.bin / "verge-ctl", *args, "--socket", rig.folder / "rsu.sock")
 
 
+def wait_for_fault(rig, fault):
+    """A worse one may be told before it for five seconds: a deadline, on a busy machine."""
+    def told():
+        document = json.loads(ctl(rig, "status", "--json")[1])
+        return document["fault"] == fault and document
+    return wait_for(told, f"fault {fault}")
+
+
 def talk(path, request, keep_open=False):
     """A client of our own: the answer, or the socket to go on with."""
     client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -90,7 +98,7 @@ def reload_answers_whether_the_configuration_was_taken(rig):
         code, out, _ = ctl(rig, "reload", "--json")
         document = json.loads(out)
         check(code == 1 and document["accepted"] is False and "bogus" in document["reason"], out)
-        check(json.loads(ctl(rig, "status", "--json")[1])["fault"] == "config", "and is told")
+        wait_for_fault(rig, "config")
         check(rsu.stop()[1] == 0, "stops")
 
 
@@ -266,14 +274,14 @@ def a_reload_that_needs_a_restart_is_refused_with_the_remedy(rig):
             code, out, _ = ctl(rig, "reload", "--json")
             reason = json.loads(out)["reason"]
             check(code == 1 and word in reason and "restarted" in reason, f"{change}: {reason}")
-        status = json.loads(ctl(rig, "status", "--json")[1])
+        status = wait_for_fault(rig, "config")
         check(status["status"]["config_crc32"] == before, "the old one holds")
-        check(status["fault"] == "config" and status["state"] == "degraded", "and it says so")
+        check(status["state"] == "degraded", "and it says so")
         # What leaves sizes and ends alone is taken, and ends the fault.
         rig.config(control="rsu.sock", planner=dict(QUICK, iterations=80, threads=2),
                    cycle_ms=60, log_format="json")
         check(ctl(rig, "reload")[0] == 0, "accepted")
-        wait_for(lambda: '"fault":"none"' in ctl(rig, "status", "--json")[1], "no fault")
+        wait_for_fault(rig, "none")
         rsu.wait_for('"event":"config_in_force"')
         check(rsu.stop()[1] == 0, "stops")
 
@@ -284,12 +292,12 @@ def a_full_disk_ends_the_recording_and_nothing_else(rig):
     def small_files():
         resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
     log = rig.folder / "small.lcmlog"
-    config = rig.config(cycle_ms=10, control="rsu.sock")
+    config = rig.config(cycle_ms=20, control="rsu.sock")
     with Daemon(rig, config, "--record", log, preexec_fn=small_files) as rsu:
         rsu.wait_for("record_ended")
         check(log.stat().st_size <= 8192, "as far as there was room")
-        status = json.loads(ctl(rig, "status", "--json")[1])
-        check(status["fault"] == "record" and status["state"] == "degraded", status)
+        status = wait_for_fault(rig, "record")
+        check(status["state"] == "degraded", status)
         cycle = status["status"]["cycle"]
         wait_for(lambda: json.loads(ctl(rig, "status", "--json")[1])["status"]["cycle"] > cycle + 20,
                  "cycles go on")

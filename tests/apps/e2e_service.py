@@ -25,8 +25,7 @@ def the_manager_hears_of_start_reload_and_stop(rig):
         config = rig.config()
         with Daemon(rig, config, env={"NOTIFY_SOCKET": manager.name}) as rsu:
             manager.wait_for("READY=1")
-            text = manager.wait_for("STATUS=")
-            check(text == "STATUS=waiting: 0 of 0 vehicles planned", text)
+            manager.wait_for("STATUS=waiting: 0 of 0 vehicles planned")
             for document, event in ((None, "config_in_force"), ("{", "config_refused")):
                 if document is not None:
                     config.write_text(document)
@@ -40,8 +39,8 @@ def the_manager_hears_of_start_reload_and_stop(rig):
                 check(before <= stamp <= time.monotonic_ns() // 1000, f"{before} {stamp}")
                 manager.wait_for("READY=1")
                 rsu.wait_for(event)
-            text = manager.wait_for("STATUS=degraded")
-            check(text.endswith("fault config"), text)
+            # A deadline missed while it read the files would be told first, for five seconds.
+            manager.wait_for("STATUS=degraded: 0 of 0 vehicles planned, fault config")
             check(rsu.stop()[1] == 0, "stops")
             manager.wait_for("STOPPING=1")
         check(not any("WATCHDOG" in text for text in manager.heard), "nobody asked for that")

@@ -10,6 +10,8 @@
 ///             wants stamps within window_ms of its own clock, and of each sender growing ones.
 ///             It remembers a sender for the window's length: what is older is refused by its age.
 ///             The source address proves nothing here, so a copy from elsewhere is a replay too.
+///             What a receiver that has just started cannot know of may come to it a second time,
+///             as long as it is within the window.
 /// Memory      All in the struct, about 10 KiB.
 /// Threads     lcm_auth_sign() and lcm_auth_verify() may run in two threads, one each.
 #ifndef LCM_AUTH_H

@@ -204,7 +204,7 @@ def a_changed_floating_point_mode_is_corrected_and_told_once(rig):
     # In the planning thread, again and again.
     late = {"LD_PRELOAD": library, "ROUNDING_LATE": "1"}
     with Daemon(rig, config, "--cycles", "50", env=late) as rsu:
-        rsu.process.wait(timeout=20)
+        check(rsu.process.wait(timeout=20) == 0, "it stops by itself")
         check("floating_corrected when=cycle" in rsu.text(), rsu.text())
         check(rsu.text().count("floating_corrected") == 1, rsu.text())
 

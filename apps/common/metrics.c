@@ -7,16 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/// The frame of a body: along and across its heading.
-typedef struct direction {
-    double x, y; ///< [1] unit vector of the heading
-} direction;
-
 static void intention_check(metrics_vehicle* vehicle, const world* world,
                             const world_vehicle* there);
 static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b);
+static metrics_direction way_of_road(const world* world, const world_vehicle* there);
 static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_vehicle* other);
-static direction direction_of(double heading);
+static metrics_direction direction_of(double heading);
 static double mean_of(const metrics* self, size_t offset);
 static void times_write(FILE* out, const metrics* self, const char* name, size_t offset);
 static void timing_write(FILE* out, const metrics* self);
@@ -40,7 +36,8 @@ bool metrics_init(metrics* self, const world* world)
                        .min_center_gap = INFINITY, .min_ttc = INFINITY };
     self->vehicles = calloc(count + 1, sizeof *self->vehicles);
     self->touched = calloc((size_t)count * count + 1, sizeof *self->touched);
-    if (self->vehicles == NULL || self->touched == NULL) {
+    self->road_ways = calloc(count + 1, sizeof *self->road_ways);
+    if (self->vehicles == NULL || self->touched == NULL || self->road_ways == NULL) {
         metrics_free(self);
         return false;
     }
@@ -63,12 +60,16 @@ void metrics_free(metrics* self)
 {
     free(self->vehicles);
     free(self->touched);
+    free(self->road_ways);
     free(self->cycle_ms);
     *self = (metrics){ 0 };
 }
 
 void metrics_tick(metrics* self, const world* world)
 {
+    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+        self->road_ways[i] = way_of_road(world, &world->vehicles[i]);
+    }
     for (uint32_t i = 0; i < self->vehicle_count; i++) {
         const world_vehicle* vehicle = &world->vehicles[i];
         if (!vehicle->present) {
@@ -198,6 +199,26 @@ static void intention_check(metrics_vehicle* vehicle, const world* world,
     }
 }
 
+/// Which way the road leads where a vehicle is; its own way where it is on no lane.
+static metrics_direction way_of_road(const world* world, const world_vehicle* there)
+{
+    const verge_vehicle* state = &there->state;
+    if (there->lane == VERGE_NO_LANE) {
+        return direction_of(state->heading);
+    }
+    return direction_of(verge_road_project_on(world->road, there->lane, state->x, state->y).heading);
+}
+
+/// The paper's gap, beside a road that leads this way.
+static void gap_check(metrics* self, metrics_direction road, const verge_vehicle* one, const verge_vehicle* other)
+{
+    const double x = other->x - one->x;
+    const double y = other->y - one->y;
+    if (fabs(y * road.x - x * road.y) <= GAP_LATERAL) {
+        self->min_center_gap = fmin(self->min_center_gap, sqrt(x * x + y * y) - GAP_LENGTH);
+    }
+}
+
 static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b)
 {
     const verge_vehicle* one = &world->vehicles[a].state;
@@ -214,20 +235,19 @@ static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b
     }
     ahead_check(self, one, other);
     ahead_check(self, other, one);
+    gap_check(self, self->road_ways[a], one, other);
+    gap_check(self, self->road_ways[b], one, other);
 }
 
 /// The other vehicle as ego sees it.
 static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_vehicle* other)
 {
-    const direction mine = direction_of(ego->heading);
-    const direction theirs = direction_of(other->heading);
+    const metrics_direction mine = direction_of(ego->heading);
+    const metrics_direction theirs = direction_of(other->heading);
     const double    x = other->x - ego->x;
     const double    y = other->y - ego->y;
     const double    along = x * mine.x + y * mine.y;
     const double    across = fabs(y * mine.x - x * mine.y);
-    if (across <= GAP_LATERAL) {
-        self->min_center_gap = fmin(self->min_center_gap, sqrt(x * x + y * y) - GAP_LENGTH);
-    }
     const double same_way = mine.x * theirs.x + mine.y * theirs.y;
     const double closing = ego->speed - other->speed * same_way;
     const bool   in_path = along > 0.0 && across < 0.5 * (ego->width + other->width);
@@ -239,7 +259,7 @@ static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_veh
 
 /// Cosine and sine by their series, within 1e-15: libm's last bit depends on the processor, and
 /// the same run is to print the same bytes. heading: in [-pi, pi].
-static direction direction_of(double heading)
+static metrics_direction direction_of(double heading)
 {
     const double half = 0.5 * fmin(fmax(heading, -PI), PI); // the series is short up to pi / 2
     const double square = half * half;
@@ -250,7 +270,7 @@ static direction direction_of(double heading)
         cosine += term_cosine;
         sine += term_sine;
     }
-    return (direction){ .x = cosine * cosine - sine * sine, .y = 2.0 * sine * cosine };
+    return (metrics_direction){ .x = cosine * cosine - sine * sine, .y = 2.0 * sine * cosine };
 }
 
 /// Of those that set out for another lane and got there.

@@ -11,7 +11,9 @@
 ///                  and is not listed in these two. Null: not reached.
 /// min_distance     [m] between two bodies, over all pairs and ticks
 /// min_center_gap   [m] the paper's: distance of centres less 5 m, of vehicles within 2 m of
-///                  each other across the direction of one of them
+///                  each other across the road (across its own way for one on no lane; the
+///                  paper's d is across the road, too: a body that is turned in a lane change
+///                  has others beside its nose that are two lanes away)
 /// min_ttc          [s] gap over closing speed of a vehicle and one ahead of it that drives the
 ///                  same way (within 45 degrees) and overlaps it laterally
 /// max_abs_*        over controlled vehicles, at each tick
@@ -33,10 +35,16 @@ typedef struct metrics_vehicle {
     double  reached_time;  ///< [s] NaN: not yet
 } metrics_vehicle;
 
+/// A unit vector. [1]
+typedef struct metrics_direction {
+    double x, y;
+} metrics_direction;
+
 typedef struct metrics {
     uint32_t         vehicle_count;
     metrics_vehicle* vehicles;     ///< in the scenario's order
     bool*            touched;      ///< [vehicle][vehicle]
+    metrics_direction* road_ways;  ///< in the scenario's order, of the present tick
     uint32_t collisions, collisions_human;
     double   min_distance, min_center_gap, min_ttc;
     double   max_abs_acceleration, max_abs_jerk, max_abs_curvature;

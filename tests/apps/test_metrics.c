@@ -128,6 +128,8 @@ static void test_time_to_collision_is_gap_over_closing_speed_in_any_direction(vo
         const double slow = test_rng_between(&rng, 0.0, 5.0);
         const double c = cos(heading), s = sin(heading);
         self.world.vehicles[2].present = false;
+        // On no lane: what is across is across their own way.
+        self.world.vehicles[0].lane = self.world.vehicles[1].lane = VERGE_NO_LANE;
         put(&self, 0, 10.0, 2.0, heading, fast);
         put(&self, 1, 10.0 + (gap + 5.0) * c - side * s, 2.0 + (gap + 5.0) * s + side * c, heading,
             slow);
@@ -137,6 +139,22 @@ static void test_time_to_collision_is_gap_over_closing_speed_in_any_direction(vo
         CHECK_NEAR(self.metrics.min_center_gap, centres - 5.0, 1e-9);
         close_stage(&self);
     }
+}
+
+static void test_the_gap_is_measured_across_the_road_however_a_body_is_turned(void** state)
+{
+    (void)state;
+    stage self;
+    open_stage(&self);
+    self.world.vehicles[2].present = false;
+    put(&self, 0, 20.0, 0.0, 0.3, 10.0); // in a lane change, its nose towards the other
+    put(&self, 1, 29.0, 3.0, 0.0, 10.0);
+    tick(&self);
+    assert_true(isinf(self.metrics.min_center_gap));
+    put(&self, 1, 29.0, 1.9, 0.0, 10.0);
+    tick(&self);
+    CHECK_NEAR(self.metrics.min_center_gap, sqrt(81.0 + 1.9 * 1.9) - 5.0, 1e-12);
+    close_stage(&self);
 }
 
 static void test_nobody_collides_who_is_slower_beside_or_behind(void** state)
@@ -217,6 +235,7 @@ int main(void)
         cmocka_unit_test(
             test_a_contact_counts_once_and_ends_success_only_with_a_controlled_vehicle),
         cmocka_unit_test(test_time_to_collision_is_gap_over_closing_speed_in_any_direction),
+        cmocka_unit_test(test_the_gap_is_measured_across_the_road_however_a_body_is_turned),
         cmocka_unit_test(test_nobody_collides_who_is_slower_beside_or_behind),
         cmocka_unit_test(test_extremes_are_those_of_controlled_vehicles),
         cmocka_unit_test(test_a_percentile_is_the_smallest_value_enough_others_do_not_exceed),

@@ -41,7 +41,7 @@ enum { case_count = sizeof cases / sizeof cases[0] };
 
 /// Initial states: the authors' of Case 1 and of Case 2 differ in vehicle 2 only (20 m and
 /// 7 m/s, 15 m and 6 m/s); the others lie on the line between the two, as shares of the way.
-static const double states[] = { 0.0, 0.25, 0.5, 0.75, 1.0 };
+static const double states[] = { 0.0, 0.25, 0.5, 0.6, 0.75, 1.0 };
 enum { state_count = sizeof states / sizeof states[0] };
 
 /// Case 3: the human as the authors have it, or on a track [s] from which instant it speeds up.

@@ -115,8 +115,7 @@ static vg_leg fallback_leg(const vg_job* job, const vg_path* path, const vg_stat
                            double level, double jerk)
 {
     vg_leg leg = { .path = path, .profile = vg_profile_braking(state, level, jerk) };
-    vg_leg_link(&leg, state, vg_max(CENTRING_S, job->def->point_s * (job->def->points - 1)), 0.0,
-                0.0);
+    vg_leg_link(&leg, state, vg_max(CENTRING_S, job->def->point_s * (job->def->points - 1)), 0.0);
     return leg;
 }
 

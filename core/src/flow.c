@@ -16,6 +16,7 @@ static const float path_air = 0.4f;
 static const float joint_air_along = 1.0f;
 static const float joint_air_across = 0.3f;
 // A measured acceleration is taken to last this long. [s]
+static const double speeding_up = 0.1; // [m/s^2] more than a foot that is held still
 static const double trend_s = 2.0;
 // Desired speed of one who stands: the IDM divides by it. [m/s]
 static const double cruise_min = 0.05;
@@ -42,6 +43,8 @@ static const float overtake_pace = 0.6f;
 // soon as there is room beside. [m], [m/s]
 static const float merge_reserve = 8.0f;
 static const float merge_speed = 2.0f;
+// Table 2: who cooperates more than the normal habit minds more how little room it leaves. [1]
+static const double normal_cooperation = 0.5;
 // Reached: the contract's |d| for "in the target lane". [m]
 static const float reached_offset = 0.5f;
 
@@ -54,8 +57,8 @@ static void  human_moves(const vg_scene* scene, const vg_flow* flow, float dt, f
 static void  keep_window(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot);
 static void  settle(const vg_scene* scene, const vg_flow* flow, vg_flow* next, uint32_t slot,
                        uint8_t action);
-static void  earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot,
-                     uint8_t action);
+static void  earn(const vg_scene* scene, const vg_flow* before, const vg_moves* moves, vg_flow* next,
+                  uint32_t slot, uint8_t action);
 static bool  areas_conflict(const vg_scene* scene, const vg_flow* flow, const float* station1,
                             uint32_t i, uint32_t j);
 
@@ -81,10 +84,12 @@ static void place(vg_scene* scene, vg_flow* flow, const verge_vehicle* vehicle, 
     scene->input_index[slot] = input_index;
     scene->half_length[slot] = (float)(0.5 * vehicle->length + vehicle->margin);
     scene->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
-    // A human goes on as measured: to the speed its acceleration leads to soon, not to a limit it
-    // shows no wish for. One that stands stays; one that brakes brakes on. The IDM does the rest.
-    const double soon = vehicle->speed + trend_s * vehicle->acceleration;
+    // A human goes on as measured: one that speeds up does so to the limit, any other to the speed
+    // its acceleration leads to soon, not to a limit it shows no wish for. One that stands stays;
+    // one that brakes brakes on. The IDM does the rest.
     const double most = vg_max(lane->speed_limit, vehicle->speed);
+    const double soon = vehicle->acceleration > speeding_up
+                            ? most : vehicle->speed + trend_s * vehicle->acceleration;
     scene->cruise[slot] = (float)vg_clamp(soon, cruise_min, most);
     scene->braking[slot] = (float)vg_max(scene->def->idm_braking_max, -vehicle->acceleration);
     flow->station[slot] = (float)vg_lane_station(lane, at->s);
@@ -115,6 +120,7 @@ static void intend(vg_scene* scene, const verge_vehicle* vehicle, uint32_t slot)
         }
     }
     scene->good_lanes[slot] = good;
+    scene->care[slot] = (float)(vehicle->habit.cooperation / normal_cooperation);
     for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
         const uint8_t changes =
             target < 0 ? 0 : road->changes[lane * road->lane_count + (uint32_t)target];
@@ -185,6 +191,7 @@ void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def,
     scene->reaction = (float)def->reaction_s;
     scene->headway = (float)def->headway_s;
     scene->change_gap = (float)def->change_gap;
+    scene->change_gap_wanted = (float)def->change_gap_wanted;
     scene->per_reaction = 1.0f / scene->reaction;
     scene->per_headway = 1.0f / scene->headway;
     scene->per_both = 1.0f / (float)(def->reaction_s + def->headway_s);
@@ -540,20 +547,25 @@ static uint32_t changes_allowed(const vg_scene* scene, const vg_flow* flow, cons
     return (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u);
 }
 
-// Does a change that comes to y fit the window among those in both lanes it touches?
+// Free way that is enough where everyone crawls. [m]
+INLINE float crawling_gap(const vg_scene* scene, float v)
+{
+    return (float)scene->def->idm_gap + (float)scene->def->idm_headway_s * v;
+}
+
+// Does a change that comes to y fit the window among those in both lanes it touches? room: the
+// free way that it leaves, ahead or behind. [m]
 static bool change_fits(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves, uint32_t slot,
-                        float y)
+                        float y, float* room)
 {
     const window w = look(scene, flow, slot, moves->station[0][slot], y, moves->station[0],
                           moves->v[0], nowhere);
     const float half = scene->half_length[slot];
     // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too,
     // less of it where everyone crawls.
-    const float crawling =
-        (float)scene->def->idm_gap + (float)scene->def->idm_headway_s * flow->v[slot];
-    const float room = least(scene->change_gap, crawling);
-    return fits(margins_of(scene, &w, half, flow->v[slot], 0.0f)) && w.gap_l - half >= room
-           && w.gap_f - half >= room;
+    *room = least(w.gap_l, w.gap_f) - half;
+    return fits(margins_of(scene, &w, half, flow->v[slot], 0.0f))
+           && *room >= least(scene->change_gap, crawling_gap(scene, flow->v[slot]));
 }
 
 bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot,
@@ -565,7 +577,7 @@ bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* mo
         const bool to_left = action == VERGE_CHANGE_LEFT;
         const float way = change_way(flow, slot, to_left, change_room(scene, flow, slot));
         const float y = flow->y[slot] + (to_left ? way : -way);
-        const bool legal = change_fits(scene, flow, moves, slot, y);
+        const bool legal = change_fits(scene, flow, moves, slot, y, &moves->room[to_left ? 0 : 1][slot]);
         moves->open[slot] = (uint8_t)(moves->open[slot] & ~bit);
         moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
     }
@@ -586,8 +598,9 @@ static bool may_set_off(const vg_scene* scene, const vg_flow* flow, const vg_mov
     const int8_t way = target < 0 ? 0 : road->move[lane * road->lane_count + (uint32_t)target];
     const bool to_left = way > 0 || (way == 0 && flow->left_gap[slot] > 0.0f);
     const float across = to_left ? flow->left_gap[slot] : -flow->right_gap[slot];
+    float room;
     return across != 0.0f && left - scene->half_length[slot] > moves->v[1][slot]
-           && change_fits(scene, flow, moves, slot, flow->y[slot] + 0.5f * across);
+           && change_fits(scene, flow, moves, slot, flow->y[slot] + 0.5f * across, &room);
 }
 
 // The single pruning of section 3.1.3. Everyone's neighbours are taken at the same instant as
@@ -772,7 +785,7 @@ void vg_flow_advance(const vg_scene* scene, const vg_flow* flow, const vg_moves*
         settle(scene, flow, next, slot, action);
     }
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
-        earn(scene, flow, next, i, actions[i]);
+        earn(scene, flow, moves, next, i, actions[i]);
     }
 }
 
@@ -876,7 +889,21 @@ static float pace_of(const vg_scene* scene, const vg_flow* flow, uint32_t slot)
     return v > limit ? limit / v : least(v, scene->cruise_share * limit) / (scene->cruise_share * limit);
 }
 
-static void earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, uint32_t slot, uint8_t action)
+// What setting out for another lane costs where it leaves less room than wanted. [1] 0 .. 1
+static float tightness(const vg_scene* scene, const vg_flow* before, const vg_moves* moves, uint32_t slot,
+                       uint8_t action)
+{
+    const float d = before->d[slot];
+    if (along_of[action] != 0 || across_of[action] == 0 || d > centred || d < -centred) {
+        return 0.0f;
+    }
+    const float room = moves->room[across_of[action] - 1u][slot];
+    const float wanted = least(scene->change_gap_wanted, 2.0f * crawling_gap(scene, before->v[slot]));
+    return room < wanted ? 1.0f - room / wanted : 0.0f;
+}
+
+static void earn(const vg_scene* scene, const vg_flow* before, const vg_moves* moves, vg_flow* next,
+                 uint32_t slot, uint8_t action)
 {
     const verge_planner_def* def = scene->def;
     const float share = 1.0f / (float)def->steps;
@@ -889,7 +916,7 @@ static void earn(const vg_scene* scene, const vg_flow* before, vg_flow* next, ui
     if (action == before->previous[slot] || before->previous[slot] == VERGE_ACTION_COUNT) {
         credit += (float)def->reward_consistency * share;
     }
-    next->credit[slot] = credit;
+    next->credit[slot] = credit - (float)def->reward_room * share * scene->care[slot] * tightness(scene, before, moves, slot, action);
     next->driven[slot] = driven;
     next->previous[slot] = action;
 }

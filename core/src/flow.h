@@ -53,6 +53,7 @@ typedef struct vg_moves {
     VG_ALIGNED float station[3][VERGE_VEHICLES_MAX]; ///< after KS, AC, DC
     VG_ALIGNED float v[3][VERGE_VEHICLES_MAX];       ///< after KS, AC, DC
     VG_ALIGNED float y[3][VERGE_VEHICLES_MAX];       ///< keeping, changing left, changing right
+    float   room[2][VERGE_CONTROLLED_MAX];           ///< [m] that a legal change left, right leaves
     uint8_t legal[VERGE_CONTROLLED_MAX];             ///< set of actions (bits), never empty
     uint8_t open[VERGE_CONTROLLED_MAX];              ///< changes (bits) wanted but not looked at yet
 } vg_moves;
@@ -82,10 +83,11 @@ typedef struct vg_scene {
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
     uint64_t good_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
     float    nearness[VERGE_CONTROLLED_MAX][VERGE_LANES_MAX]; ///< [1] 1 on a good lane, less before it
+    float    care[VERGE_CONTROLLED_MAX];       ///< [1] how much it minds the room that its changes leave
     float    weight[VERGE_CONTROLLED_MAX];     ///< [1] of R_i in X_flow, Eq. 5; they sum to <= 1
     float    cruise_share;                     ///< [1]
     float    reaction, headway;                       ///< [s] Eq. 2
-    float    change_gap;                              ///< [m]
+    float    change_gap, change_gap_wanted;           ///< [m]
     float    per_reaction, per_headway, per_both;     ///< [1/s] inverses of these and of their sum
     vg_sight* sight;
 } vg_scene;

@@ -4,9 +4,16 @@
 
 #include "contract.h"
 #include "scalar.h"
+#include "target.h"
+
+#include <string.h>
 
 // A change that has come this far beyond a centre goes on to the next one. [m]
 static const double beyond_centre = 0.05;
+// A change that ends this near to a centre is complete. [m]
+static const double complete_within = 0.05;
+// The last of a change takes at least this long: what is left of it then is a correction. [s]
+static const double finish_min = 1.0;
 // As in flow.c: farther than this from the centre a change is under way. [m]
 static const double finishing_from = 0.3;
 
@@ -136,6 +143,68 @@ void vg_guide_segments(const vg_scene* scene, const vg_decision* decision, uint3
         from = to;
     }
     VERGE_ASSERT(job->segment_count > 0);
+    const vg_segment* first = &job->segments[0];
+    const bool complete = vg_action_changes_lane(first->action) && vg_abs(first->d) <= complete_within;
+    job->change_lane = complete ? (int32_t)first->lane : -1;
+}
+
+// The decision's expectation between two steps. [m/s] and [m] driven until then
+static double expected_at(const vg_scene* scene, const vg_decision* decision, uint32_t slot, double t,
+                          double* way)
+{
+    const double step_s = scene->def->step_s;
+    uint32_t step = 0;
+    *way = 0.0;
+    for (; step + 1u < decision->line.step_count && (double)(step + 1u) * step_s < t; ++step) {
+        *way += (double)decision->way[step][slot];
+    }
+    const double part = vg_min((t - (double)step * step_s) / step_s, 1.0);
+    const double v0 = (double)decision->flows[step].v[slot];
+    *way += part * (double)decision->way[step][slot];
+    return v0 + part * ((double)decision->flows[step + 1u].v[slot] - v0);
+}
+
+void vg_guide_finish_change(const vg_scene* scene, const vg_decision* decision, uint32_t slot, uint32_t lane,
+                            double left, vg_job* job)
+{
+    const verge_planner_def* def = scene->def;
+    const verge_road* road = scene->road;
+    const double horizon = (double)(def->points - 1u) * def->point_s;
+    const double end = vg_min(vg_max(left, finish_min), horizon);
+    uint32_t step = 1;
+    while (step < decision->line.step_count && (double)step * def->step_s < end - 1e-9) {
+        ++step;
+    }
+    const vg_lane* here = &road->lanes[job->lane];
+    const bool crossed = job->lane == lane;
+    const bool to_left = here->left == (int32_t)lane, to_right = here->right == (int32_t)lane;
+    // Where the next change follows at once the vehicle need not come to rest between them.
+    const bool goes_on = step < decision->line.step_count
+                         && vg_action_changes_lane((verge_action)decision->line.actions[step][slot]);
+    if (decision->flows[step].lane[slot] != (int32_t)lane || !(crossed || to_left || to_right) || goes_on) {
+        return;
+    }
+    uint32_t gone = 0; // segments that the rest of the change takes the place of
+    while (gone < job->segment_count && job->segments[gone].t1 <= end + 1e-9) {
+        ++gone;
+    }
+    const uint32_t kept = job->segment_count - gone;
+    memmove(&job->segments[1], &job->segments[gone], kept * sizeof job->segments[0]);
+    job->segment_count = kept + 1u;
+    if (kept > 0) {
+        job->segments[1].t0 = end;
+    }
+    double way = 0.0;
+    const double v = expected_at(scene, decision, slot, end, &way);
+    const double s0 = vg_lane_s(&road->lanes[lane], (double)decision->flows[0].station[slot]);
+    job->segments[0] = (vg_segment){
+        .t1 = end,
+        .action = crossed ? VERGE_KEEP_SPEED : to_left ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT,
+        .lane = lane,
+        .s = s0 + way,
+        .v = v,
+    };
+    job->change_lane = (int32_t)lane;
 }
 
 void vg_guide_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,

@@ -7,7 +7,10 @@
 #define LINK_WAY_MIN 10.0
 /// Share of the steering rate a lateral link may plan for; the rest is for the road's bends and
 /// for the difference between the link's ends and its middle. [1]
-#define LINK_STEER_SHARE 0.7
+#define LINK_STEER_SHARE 0.95
+/// A link is stretched at most so far beyond its leg, in steps of this factor. [1]
+#define LINK_STRETCH_MAX 4.0
+#define LINK_STRETCH_STEP 1.05
 /// Lateral acceleration a link is stretched to stay below. [m/s^2] under the comfort limit of 4
 #define LINK_LATERAL_MAX 3.2
 
@@ -111,7 +114,7 @@ vg_piece vg_profile_at(const vg_profile* profile, double t)
     return at;
 }
 
-void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double low, double high)
+void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset)
 {
     double slowest = start->s_t, fastest = start->s_t;
     for (uint32_t i = 1; i <= 20; i += 1) { // twentieths: a cubic speed hides nothing between
@@ -129,13 +132,11 @@ void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double low, doubl
     const double speed = leg->by_way ? vg_max(fastest, 0.5) : slowest;
 
     // The least stretch that strains neither steering nor comfort, else the least strained one.
-    static const double stretches[] = { 1.0, 1.2, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0 };
     double least = VG_HUGE;
     leg->span = shortest;
-    for (uint32_t i = 0; i < sizeof stretches / sizeof *stretches && least > 1.0; i += 1) {
-        const double span = shortest * stretches[i];
-        const double strain = vg_max(link_strain(leg, start->d, d_v, d_a, span, low, speed),
-                                     link_strain(leg, start->d, d_v, d_a, span, high, speed));
+    for (double span = shortest; span <= LINK_STRETCH_MAX * shortest && least > 1.0;
+         span *= LINK_STRETCH_STEP) {
+        const double strain = link_strain(leg, start->d, d_v, d_a, span, offset, speed);
         if (strain < least) {
             least = strain;
             leg->span = span;

@@ -79,10 +79,10 @@ vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T);
 vg_profile vg_profile_braking(const vg_state* start, double level, double jerk);
 vg_piece vg_profile_at(const vg_profile* profile, double t);
 
-/// Chooses the link for a leg of length T whose end offsets lie in [low, high]: in time, or in
+/// Chooses the link for a leg of length T that is to end near an offset: in time, or in
 /// way where the profile is slow; longer than T where the steering could not follow otherwise
 /// (the change then goes on beyond the leg).
-void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double low, double high);
+void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset);
 vg_row vg_leg_row(const vg_leg* leg, double t);
 vg_state vg_leg_state(const vg_leg* leg, double offset, double t);
 

@@ -63,6 +63,8 @@ static void   iterate(search* self, int32_t root);
 static void   polish(search* self, uint32_t budget);
 static double simulate_line(search* self, uint32_t from, const vg_line* wish);
 static void   replay(search* self, const vg_line* line, vg_decision* decision);
+static double switched(const search* self, const vg_line* kept);
+static uint8_t wish_of(const vg_line* wish, uint32_t step_index, uint32_t slot);
 
 // ---------------------------------------------------------------------------- the pool
 
@@ -198,13 +200,28 @@ void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_r
     search_tree(&self, best ? left / tree_part : left);
     if (best) {
         polish(&self, budget - self.report->iterations);
-        if (warm_reward >= 0.0 && self.best_reward < warm_reward + def->switch_margin) {
+        if (warm_reward >= 0.0
+            && self.best_reward < warm_reward + def->switch_margin * switched(&self, &kept)) {
             self.best = kept;
         }
     }
     replay(&self, &self.best, decision);
     decision->report.nodes = tree->count;
     decision->report.bound = vg_flow_bound(scene, root);
+}
+
+// Share of X_flow that belongs to those for whom the best plan is another than the one kept. [1]
+static double switched(const search* self, const vg_line* kept)
+{
+    double sum = 0.0;
+    for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
+        bool same = true;
+        for (uint32_t t = 0; t < self->scene->def->steps; ++t) {
+            same = same && wish_of(kept, t, i) == wish_of(&self->best, t, i);
+        }
+        sum += same ? 0.0 : (double)self->scene->weight[i];
+    }
+    return sum;
 }
 
 // The share of the budget of step t is 1/(t/2 + 1) (findings/paper.md); the rest goes to step 0.

@@ -28,9 +28,12 @@ typedef struct memory {
     int64_t  utime;
     uint32_t count;
     int32_t  ids[VERGE_CONTROLLED_MAX];
-    vg_line  line;
+    vg_line  line;                           // the decision in force, and when it was first taken
+    int64_t  line_utime;
     uint32_t plan_count;                     // trajectories, by vehicle id
     int32_t  plan_ids[VERGE_CONTROLLED_MAX];
+    int32_t  change_lane[VERGE_CONTROLLED_MAX]; // lane id that the trajectory is changing to
+    double   change_end[VERGE_CONTROLLED_MAX];  // [s] after utime, when it is in the lane's centre
     double   curvature[VERGE_CONTROLLED_MAX][VERGE_POINTS_MAX];
     double   x[VERGE_CONTROLLED_MAX][VERGE_POINTS_MAX], y[VERGE_CONTROLLED_MAX][VERGE_POINTS_MAX];
     uint32_t lane_count;                     // last known lanes, of all vehicles
@@ -414,10 +417,38 @@ static bool shift_last(const verge_planner* self, const vg_scene* scene, double 
     return any;
 }
 
+// Does the decision confirm this line, for the same vehicles as before?
+static bool same_line(const verge_planner* self, const vg_line* line)
+{
+    const vg_scene* scene = self->scene;
+    bool same = self->last.count == scene->controlled_count;
+    for (uint32_t slot = 0; slot < scene->controlled_count; ++slot) {
+        same = same && self->last.ids[slot] == self->vehicles[scene->input_index[slot]].id;
+        for (uint32_t t = 0; t < self->decision->line.step_count; ++t) {
+            same = same && line->actions[t][slot] == self->decision->line.actions[t][slot];
+        }
+    }
+    return same;
+}
+
+// A new decision takes force.
+static void hold_line(verge_planner* self, int64_t utime)
+{
+    memory* last = &self->last;
+    last->line = self->decision->line;
+    last->line_utime = utime;
+    last->count = self->scene->controlled_count;
+    for (uint32_t slot = 0; slot < last->count; ++slot) {
+        last->ids[slot] = self->vehicles[self->scene->input_index[slot]].id;
+    }
+}
+
 static bool decide(verge_planner* self, int64_t utime, uint32_t count)
 {
-    // Microseconds to seconds; an age out of the horizon is as good as none.
-    const double age = (double)(utime - self->last.utime) * 1e-6;
+    // Microseconds to seconds; an age out of the horizon is as good as none. It counts from when the
+    // plan was first decided: counted from its last confirmation, a change planned for the next
+    // step would stay planned for the next step.
+    const double age = (double)(utime - self->last.line_utime) * 1e-6;
     const double known = age >= 0.0 && age < 100.0 ? age : -1.0;
     const bool remembers = self->def.search == VERGE_SEARCH_BEST;
     vg_scene* scene = self->scene;
@@ -430,6 +461,9 @@ static bool decide(verge_planner* self, int64_t utime, uint32_t count)
     const bool warmed = remembers && known >= 0.0 && shift_last(self, scene, known, &warm);
     vg_random random = vg_random_from(self->def.seed, self->last.steps++);
     vg_mcts_run(self->tree, scene, self->root, &random, warmed ? &warm : NULL, self->decision);
+    if (!warmed || !same_line(self, &warm)) {
+        hold_line(self, utime);
+    }
     return true;
 }
 
@@ -468,6 +502,27 @@ static double known_curvature(const verge_planner* self, const verge_vehicle* v,
     return 0.0;
 }
 
+// The change that a vehicle on its last trajectory is in the middle of goes on.
+static void finish_change(const verge_planner* self, int64_t utime, uint32_t slot, vg_job* job)
+{
+    const memory* last = &self->last;
+    const verge_vehicle* v = job->vehicle;
+    const double age = (double)(utime - last->utime) * 1e-6;
+    const double k = age / self->def.point_s + 0.5;
+    if (!last->valid || !(k >= 0.0 && k < (double)self->def.points)) {
+        return;
+    }
+    for (uint32_t i = 0; i < last->plan_count; ++i) {
+        const double dx = last->x[i][(uint32_t)k] - v->x, dy = last->y[i][(uint32_t)k] - v->y;
+        const int32_t lane = vg_road_lane_index(self->road, last->change_lane[i]);
+        if (last->plan_ids[i] == v->id && lane >= 0 && dx * dx + dy * dy < on_plan * on_plan
+            && last->change_end[i] > age) {
+            vg_guide_finish_change(self->scene, self->decision, slot, (uint32_t)lane,
+                                   last->change_end[i] - age, job);
+        }
+    }
+}
+
 static void prepare(verge_planner* self, int64_t utime, uint32_t i, const int32_t* ids, vg_job* job,
                     verge_vehicle_plan* plan)
 {
@@ -484,12 +539,16 @@ static void prepare(verge_planner* self, int64_t utime, uint32_t i, const int32_
     job->s = self->placed[i].s;
     job->d = self->placed[i].d;
     job->target = -1;
+    job->change_lane = -1;
     job->curvature = known_curvature(self, vehicle, utime);
     job->track_index = i;
     if (slot >= 0) {
         job->target = self->scene->target[slot];
         vg_guide_actions(self->scene, self->decision, (uint32_t)slot, ids, plan);
         vg_guide_segments(self->scene, self->decision, (uint32_t)slot, job);
+        if (self->def.search == VERGE_SEARCH_BEST) {
+            finish_change(self, utime, (uint32_t)slot, job);
+        }
     } else {
         vg_guide_off_road(&self->def, vehicle, plan);
     }
@@ -541,13 +600,25 @@ static void plan_all(verge_planner* self, int64_t utime, bool decided, uint32_t 
 
 // ---------------------------------------------------------------------------- after
 
+// The lane (id) that a job wanted to change to and its trajectory does change to: where no candidate
+// for the change would do, it keeps its lane.
+static int32_t change_driven(const verge_planner* self, const vg_job* job, const verge_vehicle_plan* plan)
+{
+    if (plan->status != VERGE_PLANNED || job->change_lane < 0) {
+        return VERGE_NO_LANE;
+    }
+    const int32_t lane = self->road->lanes[job->change_lane].id;
+    const verge_point* end = &plan->points[plan->point_count - 1u];
+    const verge_lane_position at = verge_road_project(self->road, end->x, end->y, end->heading, lane);
+    return at.contained && verge_road_continues(self->road, lane, at.lane_id) ? lane : VERGE_NO_LANE;
+}
+
 static void remember(verge_planner* self, int64_t utime, uint32_t count, bool decided,
                      const verge_plan* plan)
 {
     memory* last = &self->last;
     last->valid = true;
     last->utime = utime;
-    last->count = 0;
     last->lane_count = count;
     for (uint32_t i = 0; i < count; ++i) {
         last->lane_ids[i] = self->vehicles[i].id;
@@ -558,18 +629,16 @@ static void remember(verge_planner* self, int64_t utime, uint32_t count, bool de
     for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
         const verge_vehicle_plan* vehicle = &plan->vehicles[i];
         last->plan_ids[i] = vehicle->vehicle_id;
+        last->change_lane[i] = change_driven(self, &self->jobs[i], vehicle);
+        last->change_end[i] = vg_workspace_settled(self->workspaces[i]);
         for (uint32_t k = 0; k < vehicle->point_count; ++k) {
             last->x[i][k] = vehicle->points[k].x;
             last->y[i][k] = vehicle->points[k].y;
             last->curvature[i][k] = vehicle->points[k].curvature;
         }
     }
-    if (decided) {
-        last->count = self->scene->controlled_count;
-        last->line = self->decision->line;
-        for (uint32_t slot = 0; slot < last->count; ++slot) {
-            last->ids[slot] = self->vehicles[self->scene->input_index[slot]].id;
-        }
+    if (!decided) {
+        last->count = 0;
     }
 }
 

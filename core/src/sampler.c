@@ -207,6 +207,10 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
                             job->track_index, batch->in_lane);
             vg_cost_add(&ws->cost, &cost);
             const vg_profile* profile = &batch->legs[best / batch->offset_count].profile;
+            if (batch->start == 0) {
+                const vg_leg* leg = &batch->legs[best / batch->offset_count];
+                ws->settled = leg->by_way ? job->def->point_s * batch->last : leg->span;
+            }
             ws->lane = lane;
             ws->s = vg_profile_at(profile, job->def->point_s * (batch->last - batch->start)).s;
             *choice = best;

@@ -29,12 +29,16 @@ typedef struct vg_job {
     int32_t    target;      ///< lane index, -1 none
     double     curvature;   ///< [1/m] of the centre's path at t = 0, as well as it is known
     uint32_t   track_index; ///< of the vehicle itself in the tracks
+    int32_t    change_lane; ///< index of the lane that the first segment changes to, -1 none
     uint32_t   segment_count;
-    vg_segment segments[VERGE_STEPS_MAX];
+    vg_segment segments[VERGE_STEPS_MAX + 1]; ///< a change under way may end inside a step
 } vg_job;
 
 typedef struct vg_workspace vg_workspace; ///< one per job, in the planner's arena
 size_t vg_workspace_size(void);
+/// When the lateral motion of the last trajectory's first segment ends: later than the segment
+/// where the steering could not follow otherwise. [s]
+double vg_workspace_settled(const vg_workspace* workspace);
 
 /// Plans all jobs (ordered by vehicle id): each for itself through the executor, against the
 /// tracks as predicted; then the joint check: where two planned trajectories overlap, the later

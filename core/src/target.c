@@ -62,7 +62,7 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
         const double stop = v1 < 0.0 ? T * v0 / vg_max(v0 - v1, 1e-6) : T;
         leg->path = path;
         leg->profile = vg_profile_to_speed(start, vg_max(v1, 0.0), vg_max(stop, 1e-3));
-        vg_leg_link(leg, start, T, low, high);
+        vg_leg_link(leg, start, T, segment->d);
         batch->leg_penalties[i] = VG_DECISION_PULL * points
                                 * vg_square(vg_max(v1, vg_min(v.centre, 0.0)) - v.centre);
     }

@@ -20,6 +20,11 @@ size_t vg_workspace_size(void)
     return sizeof(vg_workspace);
 }
 
+double vg_workspace_settled(const vg_workspace* workspace)
+{
+    return workspace->settled;
+}
+
 void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks)
 {
     const verge_vehicle* v = job->vehicle;

@@ -27,6 +27,7 @@ struct vg_workspace {
     vg_motion start;          ///< rear axle at t = 0
     uint32_t lane;            ///< where the trajectory so far ends: reference lane
     double   s;               ///< [m] and the rear axle's coordinate on its path
+    double   settled;         ///< [s] end of the first segment's lateral motion
     verge_cost cost;          ///< of the trajectory so far
     vg_refusals refusals;
     uint64_t near_start;      ///< tracks (bits) nearer than the clearance at t = 0

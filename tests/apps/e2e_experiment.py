@@ -99,8 +99,7 @@ def gate_table(program, folder):
         for m in ("verge", "decision-only", "sequential")}
     for row in rows:
         if row["method"] == "verge":
-            # As stated, ten seconds are measured: not everybody is there by then.
-            assert row["success"] >= (1.0 if row["setting"] == "as-run" else 0.7), row
+            assert row["success"] == 1.0, row
             assert row["min_distance_worst"] >= 1.0, row  # bodies never closer than 1 m
 
 
@@ -108,7 +107,7 @@ def gate_quality(program, folder):
     """X_flow of the default search, against the bound and against the paper's search."""
     rows = rows_of(program, folder, "beyond", 3)
     kinds = {(r["scenes"], r["controlled"], r["humans"]) for r in rows}
-    lead, below = [], []
+    lead, below, success = [], [], []
     for kind in sorted(kinds):
         mine, paper = ({r["method"]: r for r in rows
                         if (r["scenes"], r["controlled"], r["humans"]) == kind}[method]
@@ -116,10 +115,12 @@ def gate_quality(program, folder):
         assert mine["reward"] <= mine["bound"], mine
         below.append(mine["below_bound"])
         assert mine["collisions"] == 0, mine
+        success.append(mine["success"])
         if kind[0] != "freeway" and kind[1] == 8:
             lead.append(mine["reward"] - paper["reward"])
     assert sum(lead) / len(lead) >= 0.15, lead
     assert sum(below) / len(below) <= 0.2, below
+    assert sum(success) / len(success) >= 0.9, success
 
 
 def sign_test(more, less):
@@ -130,7 +131,7 @@ def sign_test(more, less):
 
 def gate_yielding(program, folder):
     """The more cooperative the one who could yield, the more often it does: paired scenes."""
-    rows = [r for r in rows_of(program, folder, "diversity", 40) if "cooperation" in r]
+    rows = [r for r in rows_of(program, folder, "diversity", 60) if "cooperation" in r]
     share = {r["cooperation"]: r["yields"] for r in rows}
     low, middle, high = ((share[a] + share[b]) / 2 for a, b in ((0, 0.1), (0.25, 0.5), (0.9, 1)))
     assert low <= middle <= high, share
@@ -141,12 +142,16 @@ def gate_yielding(program, folder):
 
 
 def gate_cases(program, folder):
-    rows = rows_of(program, folder, "ramp-cases", 3)
+    rows = rows_of(program, folder, "ramp-cases", 12)
     orders = [r for r in rows if "2_ahead_of_4" in r]
-    assert len(orders) == 10
-    for row in orders:  # each case from the authors' own state for it
-        if (row["habits"], row["state"]) in (("case 1", 0), ("case 2", 1)):
+    assert len(orders) == 12
+    for row in orders:
+        assert row["success"] >= 0.9, row
+        if (row["habits"], row["state"]) in (("case 1", 0), ("case 2", 1)): # the authors' own
             assert row["success"] == 1.0, row
+    # From one and the same state: who is ahead is mostly whose habits are the aggressive ones.
+    ahead = {r["habits"]: r["2_ahead_of_4"] for r in orders if r["state"] == 0.6}
+    assert ahead["case 1"] >= 0.7 and ahead["case 1"] - ahead["case 2"] >= 0.3, ahead
     human = {r["case"]: r for r in rows if "case" in r}
     speeds_up, keeps = human["case 3, speeds up at 1 s"], human["case 3, keeps 6 m/s"]
     for row in human.values():

@@ -156,9 +156,11 @@ static body later(const stage* at, uint32_t j)
             gap = to_tail;
         }
     }
-    // On as measured: to the speed that two more seconds of its acceleration lead to.
+    // On as measured: to the limit if it speeds up, else to the speed that two more seconds of its
+    // acceleration lead to.
     const double measured = at->vehicles[j].acceleration, v0 = at->vehicles[j].speed;
-    const double desired = fmax(fmin(v0 + 2.0 * measured, fmax(STAGE_LIMIT, v0)), 0.05);
+    const double most = fmax(STAGE_LIMIT, v0);
+    const double desired = measured > 0.1 ? most : fmax(fmin(v0 + 2.0 * measured, most), 0.05);
     verge_planner_def def = at->def;
     def.idm_braking_max = fmax(def.idm_braking_max, -measured);
     const double a = idm_by_hand(&def, now.v, desired, gap, lead_v);
@@ -678,7 +680,26 @@ typedef struct story {
     uint8_t actions[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
     double v[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
     double worth[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX]; // of the lane, to one with this target
+    double tight[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX]; // 1: set out for a lane without any room
+    bool doubtful; // a comparison could go either way in single precision
 } story;
+
+/// How much of the room it wants a change that begins now does not leave. [1]
+static double tightness_of(const stage* at, uint32_t i, uint8_t action, bool* doubtful)
+{
+    const double d = at->root.d[i], v = at->root.v[i];
+    if ((action != VERGE_CHANGE_LEFT && action != VERGE_CHANGE_RIGHT) || fabs(d) > 0.3) {
+        return 0.0;
+    }
+    const int side = action == VERGE_CHANGE_LEFT ? 1 : -1;
+    const double y = WIDTH * at->root.lane[i] + side * fmin(d * side + 0.5 * WIDTH, WIDTH);
+    const window w = window_of(at, i, y, 0.0);
+    const double room = fmin(w.ahead_gap, w.behind_gap) - at->scene.half_length[i];
+    const double crawling = at->def.idm_gap + at->def.idm_headway_s * v;
+    const double wanted = fmin(at->def.change_gap_wanted, 2.0 * crawling);
+    *doubtful = *doubtful || w.doubt < 2e-3 || fabs(fabs(d) - 0.3) < 1e-4;
+    return room < wanted ? 1.0 - room / wanted : 0.0;
+}
 
 static void tell(const stage* at, const vg_flow* flow, const uint8_t* actions, story* to)
 {
@@ -693,20 +714,23 @@ static void tell(const stage* at, const vg_flow* flow, const uint8_t* actions, s
     }
 }
 
-/// R_i in its three parts; a story that ended early drives on as it is.
+/// R_i in its three parts, less what tight changes cost; a story that ended early drives on as it is.
 static double reward_of(const stage* at, const story* of, uint32_t i)
 {
     const verge_planner_def* def = &at->def;
     const double pace = def->cruise_share * STAGE_LIMIT;
-    double lane = 0.0, same = 0.0;
+    const double care = at->vehicles[i].habit.cooperation / 0.5; // 1: the normal habit's
+    double lane = 0.0, same = 0.0, tight = 0.0;
     for (uint32_t t = 0; t < def->steps; ++t) {
+        tight += t < of->steps ? of->tight[t][i] : 0.0;
         const uint32_t told = t < of->steps ? t : of->steps - 1u;
         const double v = of->v[told][i];
         lane += of->worth[told][i] * (v > STAGE_LIMIT ? STAGE_LIMIT / v : fmin(1.0, v / pace));
         same += t == 0 || t >= of->steps || of->actions[t][i] == of->actions[t - 1u][i] ? 1.0 : 0.0;
     }
     return def->reward_target * of->worth[of->steps - 1u][i]
-           + def->reward_lane * lane / def->steps + def->reward_consistency * same / def->steps;
+           + def->reward_lane * lane / def->steps + def->reward_consistency * same / def->steps
+           - def->reward_room * care * tight / def->steps;
 }
 
 /// Eq. 4 and 5.
@@ -729,6 +753,7 @@ static double flow_reward_of(const stage* at, const story* of)
 static void play(stage* at, test_rng* rng, story* of)
 {
     of->steps = 0;
+    of->doubtful = false;
     while (of->steps < at->def.steps
            && (of->steps == 0 || !vg_flow_terminal(&at->scene, &at->root))) {
         vg_moves moves;
@@ -738,6 +763,7 @@ static void play(stage* at, test_rng* rng, story* of)
         vg_flow_moves(&at->scene, &at->root, &moves);
         for (uint32_t i = 0; i < at->scene.controlled_count; ++i) {
             actions[i] = stage_pick(rng, moves.legal[i]);
+            of->tight[of->steps][i] = tightness_of(at, i, actions[i], &of->doubtful);
         }
         vg_flow_advance(&at->scene, &at->root, &moves, actions, &next);
         at->root = next;
@@ -757,8 +783,11 @@ static void the_reward_is_equation_5_over_the_three_parts_of_each_vehicle(void**
         story of;
         play(at, &rng, &of);
         const double reward = vg_flow_reward(&at->scene, &at->root, of.steps, true);
-        CHECK_NEAR(reward, flow_reward_of(at, &of), 1e-5);
+        const double expected = fmin(fmax(flow_reward_of(at, &of), 0.0), 1.0);
         CHECK_BETWEEN(reward, 0.0, 1.0);
+        if (!of.doubtful) {
+            CHECK_NEAR(reward, expected, 2e-5);
+        }
         const double cut = vg_flow_reward(&at->scene, &at->root, of.steps, false);
         CHECK_BETWEEN(cut, 0.0, reward + 1e-12); // what ended badly never earns more
         early += of.steps < at->def.steps;
@@ -785,7 +814,9 @@ static void equal_cooperation_of_whatever_size_gives_the_mean(void** state)
         for (uint32_t i = 0; i < 4; ++i) {
             mean += 0.25 * reward_of(at, &of, i);
         }
-        CHECK_NEAR(vg_flow_reward(&at->scene, &at->root, of.steps, true), mean, 1e-5);
+        if (!of.doubtful) {
+            CHECK_NEAR(vg_flow_reward(&at->scene, &at->root, of.steps, true), fmax(mean, 0.0), 2e-5);
+        }
     }
     stage_close(at);
 }

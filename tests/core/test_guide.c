@@ -98,33 +98,86 @@ static void segments_are_the_runs_of_equal_actions_and_fill_the_horizon(void** s
     stage_close(at);
 }
 
-static void a_change_cut_by_the_horizon_aims_at_its_part_of_the_way(void** state)
+/// The decision that is made of these actions of one vehicle, the others keep theirs.
+static void decided(stage* at, const uint8_t* actions)
 {
-    (void)state;
-    stage* at = stage_open(2, 2000.0);
-    at->def.points = 16; // 1.5 s of trajectory, the whole change takes 3 s
-    stage_add(at, true, 0, 100.0, 0.0, 10.0, 1);
     stage_begin(at);
-    decide(at, 1);
-    memset(decision.line.actions, VERGE_KEEP_SPEED, sizeof decision.line.actions);
-    decision.line.actions[0][0] = decision.line.actions[1][0] = VERGE_CHANGE_LEFT;
+    memset(&decision, 0, sizeof decision);
+    decision.line.step_count = at->def.steps;
     decision.flows[0] = at->root;
     for (uint32_t t = 0; t < at->def.steps; ++t) {
+        decision.line.actions[t][0] = actions[t];
         decision.flows[t + 1] = decision.flows[t];
         stage_step(at, &decision.flows[t + 1], decision.line.actions[t]);
         decision.way[t][0] = decision.flows[t + 1].station[0] - decision.flows[t].station[0];
     }
+}
+
+static void a_change_cut_by_the_horizon_aims_at_its_part_of_the_way(void** state)
+{
+    (void)state;
+    static const uint8_t actions[VERGE_STEPS_MAX] = { VERGE_CHANGE_LEFT, VERGE_CHANGE_LEFT };
+    stage* at = stage_open(2, 2000.0);
+    at->def.points = 16; // 1.5 s of trajectory, the whole change takes 3 s
+    stage_add(at, true, 0, 100.0, 0.0, 10.0, 1);
+    decided(at, actions);
     vg_guide_segments(&at->scene, &decision, 0, &job);
     assert_int_equal(job.segment_count, 1);
     assert_int_equal(job.segments[0].lane, 1); // the lane changed to is the reference
+    assert_int_equal(job.change_lane, -1);     // but not reached
     CHECK_NEAR(job.segments[0].d, -2.0, 1e-3);
     CHECK_NEAR(job.segments[0].s, 115.0, 0.02);
     at->def.points = 31;
     vg_guide_segments(&at->scene, &decision, 0, &job);
     assert_int_equal(job.segment_count, 1);
     assert_int_equal(job.segments[0].lane, 1);
+    assert_int_equal(job.change_lane, 1);
     CHECK_NEAR(job.segments[0].d, 0.0, 1e-3);
     stage_close(at);
+}
+
+static void a_change_under_way_ends_when_it_was_going_to(void** state)
+{
+    (void)state;
+    // One metre on its way: the decision calls the second step already speeding up.
+    static const uint8_t actions[VERGE_STEPS_MAX] = { VERGE_CHANGE_LEFT, VERGE_ACCELERATE };
+    stage* at = stage_open(3, 2000.0);
+    stage_add(at, true, 0, 100.0, 1.0, 10.0, 1);
+    decided(at, actions);
+    vg_guide_segments(&at->scene, &decision, 0, &job);
+    job.lane = 0;
+    vg_guide_finish_change(&at->scene, &decision, 0, 1, 2.2, &job);
+    assert_int_equal(job.segment_count, 2);
+    CHECK_NEAR(job.segments[0].t1, 2.2, 1e-12);
+    CHECK_NEAR(job.segments[1].t0, 2.2, 1e-12);
+    CHECK_NEAR(job.segments[1].t1, 3.0, 1e-12);
+    assert_int_equal(job.segments[0].action, VERGE_CHANGE_LEFT);
+    assert_int_equal(job.segments[0].lane, 1);
+    CHECK_NEAR(job.segments[0].d, 0.0, 0.0);
+    const double part = 0.7 / 1.5; // of the second step
+    CHECK_NEAR(job.segments[0].v, 10.0 + part * 0.9, 1e-4);
+    CHECK_NEAR(job.segments[0].s, 100.0 + decision.way[0][0] + part * decision.way[1][0], 0.02);
+    stage_close(at);
+}
+
+static void a_change_that_is_given_up_or_goes_on_is_not_finished(void** state)
+{
+    (void)state;
+    static const uint8_t back[VERGE_STEPS_MAX] = { VERGE_KEEP_SPEED };
+    static const uint8_t on[VERGE_STEPS_MAX] = { VERGE_CHANGE_LEFT, VERGE_CHANGE_LEFT,
+                                                 VERGE_CHANGE_LEFT, VERGE_CHANGE_LEFT };
+    for (int k = 0; k < 2; ++k) {
+        stage* at = stage_open(3, 2000.0);
+        stage_add(at, true, 0, 100.0, k == 0 ? 1.0 : 0.0, 10.0, 2);
+        decided(at, k == 0 ? back : on);
+        vg_guide_segments(&at->scene, &decision, 0, &job);
+        job.lane = 0;
+        const vg_job before = job;
+        vg_guide_finish_change(&at->scene, &decision, 0, 1, 2.0, &job);
+        assert_int_equal(job.segment_count, before.segment_count);
+        assert_memory_equal(job.segments, before.segments, sizeof job.segments);
+        stage_close(at);
+    }
 }
 
 static void off_the_road_the_steps_slow_down_to_a_stop(void** state)
@@ -148,6 +201,8 @@ int main(void)
         cmocka_unit_test(action_steps_are_the_decisions_step_by_step),
         cmocka_unit_test(segments_are_the_runs_of_equal_actions_and_fill_the_horizon),
         cmocka_unit_test(a_change_cut_by_the_horizon_aims_at_its_part_of_the_way),
+        cmocka_unit_test(a_change_under_way_ends_when_it_was_going_to),
+        cmocka_unit_test(a_change_that_is_given_up_or_goes_on_is_not_finished),
         cmocka_unit_test(off_the_road_the_steps_slow_down_to_a_stop),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

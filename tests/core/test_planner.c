@@ -624,6 +624,31 @@ static void nothing_new_means_the_same_actions(void** state)
     free(on.memory);
 }
 
+/// Alone, 7 m/s: a change planned anew twice a second takes as long as it was planned to at first.
+static void a_change_takes_as_long_as_it_was_planned_to(void** state)
+{
+    (void)state;
+    road under;
+    const verge_planner_def def = def_on(&under);
+    built one = build(&def);
+    verge_vehicle vehicle = vehicle_at(1, true, 1, 50.0, 7.0, 2);
+    double crossed = 0.0, centred = 0.0;
+    for (int cycle = 0; cycle < 12 && centred == 0.0; ++cycle) {
+        must_step(one.planner, cycle * 500000, &vehicle, 1);
+        for (int k = 1; k <= 5; ++k) {
+            const double t = 0.5 * cycle + 0.1 * k;
+            const double y = plan.vehicles[0].points[k].y;
+            crossed = crossed == 0.0 && y > 1.5 * lane_width ? t : crossed;
+            centred = centred == 0.0 && y > 2.0 * lane_width - 0.5 ? t : centred;
+        }
+        drive_on(&def, &vehicle, 1, 0.5);
+    }
+    // Steering at 0.4 rad/s allows no less than 3.2 s for the whole.
+    CHECK_BETWEEN(crossed, 1.2, 2.0);
+    CHECK_BETWEEN(centred, crossed + 0.3, 3.2);
+    free(one.memory);
+}
+
 static void humans_drive_by_the_idm_and_are_predicted_as_measured(void** state)
 {
     (void)state;
@@ -714,6 +739,7 @@ int main(void)
         cmocka_unit_test(two_planners_of_one_def_stay_together_and_a_reset_starts_over),
         cmocka_unit_test(the_executor_does_not_change_the_plan),
         cmocka_unit_test(nothing_new_means_the_same_actions),
+        cmocka_unit_test(a_change_takes_as_long_as_it_was_planned_to),
         cmocka_unit_test(humans_drive_by_the_idm_and_are_predicted_as_measured),
         cmocka_unit_test(sentences_say_what_a_step_does_and_fit_their_space),
         cmocka_unit_test(bodies_touch_as_rectangles_do),

@@ -57,12 +57,15 @@ typedef struct verge_planner_def {
     double   headway_s;         ///< [s]     MTH, Eq. 2
     double   change_gap;        ///< [m]     free way, ahead and behind, that a change leaves; less below
                                 ///<         (change_gap - idm_gap) / idm_headway_s
+    double   change_gap_wanted; ///< [m]     what it would rather leave: less of it costs reward_room
     double   exploration;       ///< [1]     C_p, Eq. 1
     double   acceleration;      ///< [m/s^2] a_acc, Table 1
     double   deceleration;      ///< [m/s^2] a_dec, Table 1
     double   reward_target;     ///< [1]     weight: ends in the target lane
     double   reward_lane;       ///< [1]     weight: share of steps in the target lane near its centre
     double   reward_consistency;///< [1]     weight: share of steps that repeat the action before
+    double   reward_room;       ///< [1]     steps' shares (1 / steps) of R_i lost by a change that leaves
+                                ///<         no room, less by one that leaves some of change_gap_wanted
     double   cruise_share;      ///< [1]     of the speed limit; below it a step earns in proportion
     double   target_distance;   ///< [m]     driven in the target lane by all: a simulation may end
     double   switch_margin;     ///< [1]     reward by which a new plan must beat the last one

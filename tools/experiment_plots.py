@@ -125,9 +125,9 @@ def pareto(rows, out):
         axis.vlines(time, column(mine, "min_center_gap_worst"), gap, color=FAINT, lw=1.2)
         axis.step(column(front, "finish_time"), column(front, "min_center_gap"), where="post",
                   color=METHODS["verge"], lw=1.4, label="front")
-        axis.plot(time, gap, "o", color="#8FB8D8", ms=6, label="tried: reaction, headway")
+        axis.plot(time, gap, "o", color="#8FB8D8", ms=6, label="tried: room wanted [m], share of the limit")
         for k, r in enumerate(front):
-            axis.annotate(f"{r['reaction_s']:g}, {r['headway_s']:g}",
+            axis.annotate(f"{r['change_gap_wanted']:g}, {r['cruise_share']:g}",
                           (r["finish_time"], r["min_center_gap"]), fontsize=7.5,
                           xytext=(5, 7) if k % 2 else (-5, 7), textcoords="offset points",
                           ha="left" if k % 2 else "right")

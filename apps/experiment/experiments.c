@@ -4,10 +4,10 @@
 const experiment experiments[] = {
     { "freeway-table", "The paper's Table 3: three methods, 2 to 4 controlled vehicles.", 100,
       freeway_table },
-    { "pareto", "Finish time against smallest gap, 1.5 s steps, closed loop.", 10, pareto },
+    { "pareto", "Finish time against smallest gap, 1.5 s steps, closed loop.", 20, pareto },
     { "beyond", "5, 6 and 8 controlled vehicles: the authors' freeway, random dense traffic.", 200,
       beyond },
-    { "ramp-cases", "Cases 1, 2 and 3 of the paper's section 4.2.", 10, ramp_cases },
+    { "ramp-cases", "Cases 1, 2 and 3 of the paper's section 4.2.", 20, ramp_cases },
     { "roundabout", "Entrants and circulating vehicles at a two-lane roundabout.", 10, roundabout },
     { "recorded", "Recorded US-101 traffic with the humans replayed.", 10, recorded },
     { "diversity", "The same scenes under the three habits, and who yields.", 100, diversity },

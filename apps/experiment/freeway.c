@@ -214,10 +214,10 @@ static void paper_note(const lab* self, const table* rows)
 
 // ---------------------------------------------------------------------------- the front
 
-/// What was tried: the two times of Eq. 2 and 3 that set how much room is asked for.
-static const double reactions[] = { 0.5, 1.0, 1.5, 2.0 };
-static const double headways[] = { 1.5, 3.0, 6.0 };
-enum { reaction_count = 4, headway_count = 3, choices = reaction_count * headway_count };
+/// What was tried: how much room a change wants to leave, and how fast one wants to drive.
+static const double rooms[] = { 4.0, 7.0, 10.0, 12.0 }; // [m] change_gap_wanted
+static const double cruises[] = { 0.6, 0.8, 1.0 };      // [1] cruise_share
+enum { room_count = 4, cruise_count = 3, choices = room_count * cruise_count };
 
 /// Not later and not closer than any other that succeeds as often.
 static bool on_front(const summary* all, uint32_t index)
@@ -241,13 +241,14 @@ static bool on_front(const summary* all, uint32_t index)
 static void front_rows(table* rows, uint32_t controlled, const summary* all)
 {
     for (uint32_t k = 0; k < choices; k++) {
-        const double reaction = reactions[k % reaction_count];
-        const double headway = headways[k / reaction_count];
+        const verge_planner_def def = verge_planner_default_def();
+        const double room = rooms[k % room_count];
+        const double cruise = cruises[k / room_count];
         table_row(rows);
         table_number(rows, "controlled", controlled);
-        table_number(rows, "reaction_s", reaction);
-        table_number(rows, "headway_s", headway);
-        table_number(rows, "default", reaction == 0.5 && headway == 3.0 ? 1.0 : 0.0);
+        table_number(rows, "change_gap_wanted", room);
+        table_number(rows, "cruise_share", cruise);
+        table_number(rows, "default", room == def.change_gap_wanted && cruise == def.cruise_share);
         table_number(rows, "front", on_front(all, k) ? 1.0 : 0.0);
         summary_table_cells(rows, &all[k]);
     }
@@ -267,8 +268,8 @@ bool pareto(lab* self, table* rows)
             good = document != NULL;
             if (good) {
                 lab_duration(document, 19.5);
-                lab_parameter(document, "reaction_s", reactions[k % reaction_count]);
-                lab_parameter(document, "headway_s", headways[k / reaction_count]);
+                lab_parameter(document, "change_gap_wanted", rooms[k % room_count]);
+                lab_parameter(document, "cruise_share", cruises[k / room_count]);
             }
             const char* text = good ? lab_text(self, document) : NULL;
             for (uint32_t i = 0; i < self->repeats; i++) {

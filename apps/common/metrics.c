@@ -210,7 +210,8 @@ static metrics_direction way_of_road(const world* world, const world_vehicle* th
 }
 
 /// The paper's gap, beside a road that leads this way.
-static void gap_check(metrics* self, metrics_direction road, const verge_vehicle* one, const verge_vehicle* other)
+static void gap_check(metrics* self, metrics_direction road, const verge_vehicle* one,
+                      const verge_vehicle* other)
 {
     const double x = other->x - one->x;
     const double y = other->y - one->y;

@@ -916,7 +916,9 @@ static void earn(const vg_scene* scene, const vg_flow* before, const vg_moves* m
     if (action == before->previous[slot] || before->previous[slot] == VERGE_ACTION_COUNT) {
         credit += (float)def->reward_consistency * share;
     }
-    next->credit[slot] = credit - (float)def->reward_room * share * scene->care[slot] * tightness(scene, before, moves, slot, action);
+    credit -= (float)def->reward_room * share * scene->care[slot]
+              * tightness(scene, before, moves, slot, action);
+    next->credit[slot] = credit;
     next->driven[slot] = driven;
     next->previous[slot] = action;
 }

@@ -176,14 +176,16 @@ void vg_guide_finish_change(const vg_scene* scene, const vg_decision* decision, 
         ++step;
     }
     const vg_lane* here = &road->lanes[job->lane];
-    const bool crossed = job->lane == lane;
+    const bool crossed = ((road->continues[lane] >> job->lane) & 1u) != 0;
+    const bool arrives = ((road->continues[lane] >> decision->flows[step].lane[slot]) & 1u) != 0;
     const bool to_left = here->left == (int32_t)lane, to_right = here->right == (int32_t)lane;
     // Where the next change follows at once the vehicle need not come to rest between them.
     const bool goes_on = step < decision->line.step_count
                          && vg_action_changes_lane((verge_action)decision->line.actions[step][slot]);
-    if (decision->flows[step].lane[slot] != (int32_t)lane || !(crossed || to_left || to_right) || goes_on) {
+    if (!arrives || goes_on || !(crossed || to_left || to_right)) {
         return;
     }
+    const uint32_t reference = crossed ? job->lane : lane;
     uint32_t gone = 0; // segments that the rest of the change takes the place of
     while (gone < job->segment_count && job->segments[gone].t1 <= end + 1e-9) {
         ++gone;
@@ -196,15 +198,15 @@ void vg_guide_finish_change(const vg_scene* scene, const vg_decision* decision, 
     }
     double way = 0.0;
     const double v = expected_at(scene, decision, slot, end, &way);
-    const double s0 = vg_lane_s(&road->lanes[lane], (double)decision->flows[0].station[slot]);
+    const double s0 = vg_lane_s(&road->lanes[reference], (double)decision->flows[0].station[slot]);
     job->segments[0] = (vg_segment){
         .t1 = end,
         .action = crossed ? VERGE_KEEP_SPEED : to_left ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT,
-        .lane = lane,
+        .lane = reference,
         .s = s0 + way,
         .v = v,
     };
-    job->change_lane = (int32_t)lane;
+    job->change_lane = (int32_t)reference;
 }
 
 void vg_guide_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,

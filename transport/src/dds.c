@@ -9,11 +9,15 @@
 ///             VERGE_PLAN    reliable, the last for each vehicle, kept as long as it is valid: its
 ///                           31 points of 0.1 s. A write waits for nobody longer than 5 ms.
 ///             VERGE_STATUS  reliable, the last of each unit, kept for those who come later.
-/// Strangers   Readers have room for INSTANCES_MAX vehicles. Who fills it (or how many vehicles one
-///             long-lived writer has told of) makes the reader be replaced by an empty one, at most
-///             once a second: what waits is lost, as in a full socket, and counted as dropped.
-/// Endings     A vehicle whose plan was cancelled is forgotten by our writer, which otherwise would
-///             keep something of every vehicle that ever passed.
+/// Strangers   A reader keeps something of every vehicle as long as somebody may tell of it: a
+///             stranger, or one long-lived writer, would fill the memory. After INSTANCES_MAX new
+///             ones the readers are replaced by empty ones, at most once a second: what waits is
+///             lost, as in a full socket. In between the reader of states has a hard limit, and
+///             what is beyond it is counted as dropped. The reliable ones have none: Cyclone's
+///             receiving thread would wait for room, deaf to everybody else.
+/// Endings     A vehicle whose plan was cancelled is taken off our writer's books, so that readers
+///             forget it, too. Cyclone 0.10 still keeps some 300 bytes of each vehicle that ever
+///             got a plan, until the domain is deleted (its issue 1487).
 /// Silence     Writers promise liveliness and a deadline; a sender that leaves or falls silent is
 ///             counted and told. What becomes of its vehicle is decided by the age of its state.
 /// Polling     An eventfd, raised by Cyclone's threads when something arrives.
@@ -56,7 +60,8 @@ typedef struct dds {
     counters*    counts;
     int          fd;       ///< eventfd
     uint32_t     turn;     ///< the kind looked at first by the next take()
-    atomic_bool  full;     ///< a reader had no room
+    atomic_bool  full;     ///< a reader had no room, or has met INSTANCES_MAX vehicles
+    uint32_t     met[KINDS]; ///< vehicles new to the reader
     int64_t      renew_at_s; ///< [s] monotonic: not before
     int64_t      watched_at_s; ///< [s] monotonic: the last look at the interfaces
     char         interfaces[DDS_INTERFACES_MAX][IF_NAMESIZE];
@@ -253,6 +258,9 @@ static bool sample_take(dds* self, transport_kind kind, packet* packet)
         }
         if (count <= 0) {
             return false;
+        }
+        if (info.view_state == DDS_VST_NEW && ++self->met[kind] >= INSTANCES_MAX) {
+            atomic_store(&self->full, true);
         }
         if (info.valid_data) {
             break;
@@ -483,7 +491,9 @@ static int reader_open(dds* self, transport_kind kind)
 {
     dds_qos_t*      quality = quality_of(kind);
     dds_listener_t* listener = dds_create_listener(self);
-    dds_qset_resource_limits(quality, INSTANCES_MAX, INSTANCES_MAX, 1);
+    if (kind == TRANSPORT_STATE) {
+        dds_qset_resource_limits(quality, 2 * INSTANCES_MAX, 2 * INSTANCES_MAX, 1);
+    }
     dds_qset_ignorelocal(quality, DDS_IGNORELOCAL_PARTICIPANT);
     dds_lset_data_available(listener, on_data);
     dds_lset_sample_rejected(listener, on_rejected);
@@ -538,6 +548,7 @@ static void readers_renew(dds* self)
         if (self->readers[kind] == 0) {
             continue;
         }
+        self->met[kind] = 0;
         dds_delete(self->readers[kind]);
         if (reader_open(self, (transport_kind)kind) != 0) {
             count_up(&self->counts->errors, 1);

@@ -37,8 +37,8 @@ GAP_GOAL = {2: 8.41, 3: 7.02, 4: 7.54}     # [m] the paper's best column
 TIME_GOAL = {2: 5.68, 3: 3.50, 4: 8.93}    # [s]
 RUNS = ["freeway-2av-as-run-verge", "freeway-3av-as-run-verge", "freeway-4av-as-run-verge",
         "freeway-4av-as-run-decision-only", "freeway-4av-as-run-sequential",
-        "ramp-case-1-state-0.00", "ramp-case-2-state-0.00", "ramp-case-1-state-1.00",
-        "ramp-case-2-state-1.00", "ramp-case-3", "ramp-case-3-speeds-up"]
+        "ramp-case-1-state-0.90-20000", "ramp-case-2-state-0.90-20000",
+        "ramp-case-1-state-0.00-3000", "ramp-case-2-state-1.00-3000", "ramp-case-3", "ramp-case-3-speeds-up"]
 
 
 def style():

@@ -15,9 +15,9 @@ static const float path_air = 0.4f;
 // Air that joint actions must leave between bodies on their ways. [m]
 static const float joint_air_along = 1.0f;
 static const float joint_air_across = 0.3f;
-// A measured acceleration is taken to last this long. [s]
+// A measured acceleration is taken to last this long; from speeding_up on, to the limit.
+static const double trend_s = 2.0;     // [s]
 static const double speeding_up = 0.1; // [m/s^2] more than a foot that is held still
-static const double trend_s = 2.0;
 // Desired speed of one who stands: the IDM divides by it. [m/s]
 static const double cruise_min = 0.05;
 // Merging vehicles see each other from this far before their lanes come close. [m]
@@ -245,6 +245,8 @@ INLINE void note_place(vg_flow* flow, uint32_t slot, bin_place place)
     const vg_bin* nearest = place.t < 0.5f ? place.here : place.here + 1;
     flow->y[slot] = centre_at(place) + flow->d[slot];
     flow->rate[slot] = (place.here[1].s - place.here[0].s) * (float)(1.0 / VG_BIN);
+    flow->lean[slot] = place.inside ? (place.here[1].lateral - place.here[0].lateral) * (float)(1.0 / VG_BIN)
+                                    : 0.0f;
     flow->left_gap[slot] = place.inside ? nearest->left_gap : 0.0f;
     flow->right_gap[slot] = place.inside ? nearest->right_gap : 0.0f;
     flow->limit[slot] = least(place.here[0].speed, place.here[1].speed);
@@ -652,16 +654,15 @@ typedef struct chosen {
     float station[VERGE_VEHICLES_MAX], y[VERGE_VEHICLES_MAX];
 } chosen;
 
-static void choose_moves(const vg_scene* scene, const vg_moves* moves, const uint8_t* actions,
-                         chosen* restrict to)
+// An acceleration lane comes nearer to its neighbour by itself.
+static void choose_moves(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
+                         const uint8_t* actions, chosen* restrict to)
 {
-    for (uint32_t i = 0; i < scene->controlled_count; ++i) {
-        to->station[i] = moves->station[along_of[actions[i]]][i];
-        to->y[i] = moves->y[across_of[actions[i]]][i];
-    }
-    for (uint32_t i = scene->controlled_count; i < scene->count; ++i) {
-        to->station[i] = moves->station[0][i];
-        to->y[i] = moves->y[0][i];
+    for (uint32_t i = 0; i < scene->count; ++i) {
+        const uint8_t action = i < scene->controlled_count ? actions[i] : (uint8_t)VERGE_KEEP_SPEED;
+        const float station = moves->station[along_of[action]][i];
+        to->station[i] = station;
+        to->y[i] = moves->y[across_of[action]][i] + flow->lean[i] * (station - flow->station[i]);
     }
 }
 
@@ -726,7 +727,7 @@ uint32_t vg_flow_conflicts(const vg_scene* scene, const vg_flow* flow, const vg_
 {
     uint32_t conflicts = 0;
     chosen to;
-    choose_moves(scene, moves, actions, &to);
+    choose_moves(scene, flow, moves, actions, &to);
     for (uint32_t i = 0; i < scene->controlled_count; ++i) {
         conflicts |= scene->plain ? conflicts_after(scene, flow, &to, i, true)
                                   : conflicts_after(scene, flow, &to, i, false);

@@ -39,6 +39,7 @@ typedef struct vg_flow {
     // What the road is like there, looked up once per state.
     VG_ALIGNED float y[VERGE_VEHICLES_MAX];         ///< [m] on the bundle's lateral axis
     VG_ALIGNED float rate[VERGE_VEHICLES_MAX];      ///< [1] metres of way per metre of station
+    VG_ALIGNED float lean[VERGE_VEHICLES_MAX];      ///< [1] metres of y the lane goes aside a metre
     VG_ALIGNED float left_gap[VERGE_VEHICLES_MAX];  ///< [m] to the left lane's centre, 0: no change
     VG_ALIGNED float right_gap[VERGE_VEHICLES_MAX]; ///< [m]
     VG_ALIGNED float limit[VERGE_VEHICLES_MAX];     ///< [m/s] to drive there, see vg_bin

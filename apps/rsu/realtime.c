@@ -7,8 +7,9 @@
 #include <string.h>
 #include <sys/mman.h>
 
-/// [B] More than the main thread ever uses of its stack.
-enum { MAIN_STACK = 256 << 10 };
+/// [B] More than the main thread ever uses of its stack, and half of what the unit allows
+/// (LimitSTACK=256K): arguments and environment lie there, too.
+enum { MAIN_STACK = 128 << 10 };
 
 void realtime_prepare(const service* service)
 {

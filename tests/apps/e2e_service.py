@@ -8,6 +8,7 @@ run, and there is nobody to plan for.
 import argparse
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -178,6 +179,17 @@ def with_locked_memory_no_thread_waits_for_a_page(rig):
         check(locked > 5000, f"{locked} KiB are locked")
 
 
+def memory_is_locked_within_the_stack_that_the_unit_allows(rig):
+    if rig.sanitized():
+        return "not checked: the sanitizer keeps memory from being locked"
+    unit = SOURCE / "apps/systemd/verge-rsu.service.in"
+    stack, = re.findall(r"^LimitSTACK=(\d+)K$", unit.read_text(), re.M)
+    code, _, error = rig.run("prlimit", f"--stack={int(stack) << 10}", rig.bin / "verge-rsu",
+                             "--config", rig.config(cycle_ms=10, realtime={"lock_memory": True}),
+                             "--cycles", "2")
+    check(code == 0 or code == 71 and "LimitMEMLOCK" in error, f"exit {code}: {error}")
+
+
 def what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do(rig):
     plain = ["unshare", "-r", "prlimit", "--memlock=65536", "--rtprio=0"]
     if rig.run(*plain, "true")[0] != 0:
@@ -263,6 +275,7 @@ CASES = [
     lines_to_the_journal_carry_their_priority,
     planning_threads_and_no_others_have_the_priority_and_processors_asked_for,
     with_locked_memory_no_thread_waits_for_a_page,
+    memory_is_locked_within_the_stack_that_the_unit_allows,
     what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do,
     a_changed_floating_point_mode_is_corrected_and_told_once,
     what_the_daemon_cannot_serve_is_refused_by_name,

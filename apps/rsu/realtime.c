@@ -10,9 +10,14 @@
 /// [B] More than the main thread ever uses of its stack, and half of what the unit allows
 /// (LimitSTACK=256K): arguments and environment lie there, too.
 enum { MAIN_STACK = 128 << 10 };
+/// [B] Blocks from this size on, a planner's above all, are mappings of their own and go back to
+/// the system when they are freed: left to itself glibc puts them into the heap, where reloads
+/// while others allocate, too, left a hundred megabytes of holes.
+enum { MAPPED_SIZE = 1 << 20 };
 
 void realtime_prepare(const service* service)
 {
+    mallopt(M_MMAP_THRESHOLD, MAPPED_SIZE);
     if (service->lock_memory) {
         mallopt(M_ARENA_MAX, 1);
         mallopt(M_TRIM_THRESHOLD, -1);

@@ -8,8 +8,8 @@
 
 #include <stddef.h>
 
-/// Before the first thread and the first large block: one heap for all threads, which gives
-/// nothing back. Does nothing unless lock_memory.
+/// Before the first thread and the first large block: large blocks go back to the system when they
+/// are freed. With lock_memory: one heap for all threads, which gives nothing back.
 void realtime_prepare(const service* service);
 
 /// Once everything is built: all memory of the process, now and later, is resident and stays so.

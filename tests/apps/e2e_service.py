@@ -190,6 +190,22 @@ def memory_is_locked_within_the_stack_that_the_unit_allows(rig):
     check(code == 0 or code == 71 and "LimitMEMLOCK" in error, f"exit {code}: {error}")
 
 
+def reloads_leave_no_memory_behind(rig):
+    if rig.sanitized():
+        return "not checked: the sanitizer keeps freed memory for a while"
+    with Daemon(rig, rig.config(planner=None)) as rsu:
+        def resident():
+            status = open(f"/proc/{rsu.process.pid}/status").read()
+            return int(status.split("VmRSS:")[1].split()[0])
+        before = resident()
+        for count in range(1, 9):
+            rsu.signal(signal.SIGHUP)
+            rsu.wait_for("event=config_in_force", count)
+            time.sleep(0.3) # each is told: five lines a second at most
+        after = resident()
+        check(after < before + 3000, f"{before} KiB, after eight reloads {after} KiB")
+
+
 def what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do(rig):
     plain = ["unshare", "-r", "prlimit", "--memlock=65536", "--rtprio=0"]
     if rig.run(*plain, "true")[0] != 0:
@@ -276,6 +292,7 @@ CASES = [
     planning_threads_and_no_others_have_the_priority_and_processors_asked_for,
     with_locked_memory_no_thread_waits_for_a_page,
     memory_is_locked_within_the_stack_that_the_unit_allows,
+    reloads_leave_no_memory_behind,
     what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do,
     a_changed_floating_point_mode_is_corrected_and_told_once,
     what_the_daemon_cannot_serve_is_refused_by_name,

@@ -151,6 +151,9 @@ static int check_bus(const arguments* args, const config* config, const char* ur
     if (result == TRANSPORT_BAD_URL) {
         return EXIT_CONFIG;
     }
+    if (result != TRANSPORT_OK) {
+        fprintf(stderr, "%s:bus: warning: not there now: %s\n", args->config_path, error);
+    }
     if (transport_exposed(url, options, error, CONFIG_ERROR_SIZE)) {
         fprintf(stderr, "%s:bus: warning: %s\n", args->config_path, error);
     }
@@ -158,7 +161,7 @@ static int check_bus(const arguments* args, const config* config, const char* ur
 }
 
 /// Builds the planner and knocks at the bus: what can only be told wrong by trying. A bus that is
-/// not there now is no error of the configuration.
+/// not there now is no error of the configuration, but worth a warning.
 static int check(const arguments* args, const config* config)
 {
     char error[CONFIG_ERROR_SIZE];

@@ -207,6 +207,10 @@ def without_a_bus_it_says_what_to_do_and_exits_69(rig):
         code, _, error = rig.run("unshare", "-n", rig.bin / program[0], *program[1:])
         check(code == 69, f"{program[0]}: exit {code}, expected 69: {error}")
         check("ip route add" in error, f"{program[0]} does not say what to do: {error}")
+    code, _, error = rig.run("unshare", "-n", rig.bin / "verge-rsu", "--config", config,
+                             "--check-config")
+    check(code == 0 and "warning" in error and "ip route add" in error,
+          f"--check-config: exit {code}, told as {error!r}")
 
 
 def wrong_options_and_configurations_have_their_exit_codes(rig):

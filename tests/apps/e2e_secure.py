@@ -276,7 +276,7 @@ def keys_that_cannot_work_are_refused_with_the_remedy(rig):
 def buses_that_strangers_can_reach_are_warned_of(rig):
     """Where the kernel has no veth, what needs a second interface is left out."""
     two = subprocess.run("ip link add ours type veth peer name theirs && ip link set ours up && "
-                         "ip address add 10.9.0.1/24 dev ours", shell=True,
+                         "ip link set theirs up && ip address add 10.9.0.1/24 dev ours", shell=True,
                          capture_output=True).returncode == 0
     write_key(rig.folder / "one.key")
     signed = {"keys": [{"id": 1, "file": "one.key"}]}
@@ -286,8 +286,8 @@ def buses_that_strangers_can_reach_are_warned_of(rig):
              ({"bus": far, "lcm": {"allow": ["10.0.0.0/8"]}}, "lcm.keys")]
     if dds_is_built(rig):
         cases += [({"bus": "dds:0"}, None), ({"bus": [plain, "dds:0"]}, None),
-                  ({"bus": "dds:0", "dds": {"interfaces": ["127.0.0.1"]}}, None),
-                  ({"bus": "dds:0", "dds": {"interfaces": ["ours"]}}, "dds.security")]
+                  ({"bus": "dds:0", "dds": {"interfaces": ["127.0.0.1"]}}, None)]
+        cases += [({"bus": "dds:0", "dds": {"interfaces": ["ours"]}}, "dds.security")] if two else []
     for document, word in cases:
         code, _, error = rig.run(rig.bin / "verge-rsu", "--config", rig.config(**document),
                                  "--check-config")

@@ -163,14 +163,16 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
         snprintf(said, sizeof said, "this program is in the domain already with other interfaces "
                                     "or peers; a secured bus changes these at a restart only");
     }
-    if (forbidden && said[0] == '\0') {
-        snprintf(said, sizeof said, "%.160s does not grant what this program publishes and hears",
-                 options->dds_security->permissions);
-    }
-    if (result != 0) {
+    if (forbidden) {
+        snprintf(error, error_size, "dds:%s: %s%s%.160s does not grant all that this program "
+                 "publishes and hears, expected permissions that do, or a program that wants less",
+                 rest, said, said[0] != '\0' ? ": " : "", options->dds_security->permissions);
+    } else if (result != 0) {
         snprintf(error, error_size, "dds:%s: %s%s%s; see dds.interfaces, dds.security and the ports "
                  "%u and up", rest, dds_strretcode(result), said[0] != '\0' ? ": " : "", said,
                  (unsigned)(7400 + 250 * number));
+    }
+    if (result != 0) {
         dds_bus_close(made);
         // What the papers do not allow today they will not allow at the next try.
         return forbidden ? TRANSPORT_BAD_URL : TRANSPORT_UNAVAILABLE;

@@ -11,7 +11,8 @@ int secret_open(const char* path, char* error, size_t error_size)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); // a pipe must not block us
     if (fd < 0) {
-        snprintf(error, error_size, "%s: cannot be read (%s)", path, strerror(errno));
+        snprintf(error, error_size, "%s: cannot be read (%s), expected a file this user may "
+                 "read", path, strerror(errno));
         return -1;
     }
     struct stat facts;

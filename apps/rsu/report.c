@@ -156,7 +156,7 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cy
     text_add(out, "verge_start_time_seconds %.6f\n", (double)status->start_utime * 1e-6);
     single(out, "verge_state", "gauge",
            "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.", status->state);
-    single(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge-rsu(8).",
+    single(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge(7).",
            status->fault);
     single(out, "verge_cycles_total", "counter", "Planning cycles begun.",
            (int64_t)cycle->number + 1);

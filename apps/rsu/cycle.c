@@ -123,6 +123,7 @@ static void tell_cancelled(cycle* self);
 static void tell_plans(cycle* self);
 static void finish_messages(cycle* self, int64_t number);
 static void count_messages(cycle* self);
+static void keep_in_force(cycle* self);
 
 void cycle_end(cycle* self)
 {
@@ -133,6 +134,7 @@ void cycle_end(cycle* self)
     tell_cancelled(self);
     tell_plans(self);
     finish_messages(self, self->number);
+    keep_in_force(self);
 }
 
 /// The index of a vehicle in the view; view.count when it is not there.
@@ -199,7 +201,6 @@ static void tell_plans(cycle* self)
     if (self->status != VERGE_OK) {
         return;
     }
-    self->planned_count = 0;
     for (uint32_t i = 0; i < self->plan.vehicle_count; i++) {
         const verge_vehicle_plan* plan = &self->plan.vehicles[i];
         const uint32_t index = index_of(self, plan->vehicle_id);
@@ -214,7 +215,20 @@ static void tell_plans(cycle* self)
             self->utime + (int64_t)(message->point_count - 1) * message->dt_ms * 1000;
         self->counters.plans++;
         self->counters.fallbacks += plan->status != VERGE_PLANNED ? 1 : 0;
-        self->in_force[self->planned_count++] = *message;
+    }
+}
+
+/// What was sent is in force, unless it is a cancellation or the planner refused the cycle.
+static void keep_in_force(cycle* self)
+{
+    if (self->status != VERGE_OK) {
+        return;
+    }
+    self->planned_count = 0;
+    for (uint32_t i = 0; i < self->message_count; i++) {
+        if (self->messages[i].status != VERGE_CANCELLED) {
+            self->in_force[self->planned_count++] = self->messages[i];
+        }
     }
 }
 

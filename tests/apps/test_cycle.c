@@ -168,6 +168,10 @@ static void test_every_controlled_vehicle_gets_one_valid_plan_a_cycle(void** sta
             CHECK_NEAR(message->points[0].y, sent.y, 1e-6);
         }
         assert_null(message_for(self, 2));
+        // What operators see is what was sent.
+        assert_int_equal(self->cycle.planned_count, 3);
+        assert_memory_equal(self->cycle.in_force, self->cycle.messages,
+                            3 * sizeof self->cycle.messages[0]);
     }
     assert_int_equal(self->cycle.counters.plans, 18);
     assert_int_equal(self->cycle.counters.refused, 0);

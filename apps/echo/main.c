@@ -105,6 +105,13 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
     return true;
 }
 
+/// What the bus has to say itself: who was refused and why.
+static void complain(void* context, const char* line)
+{
+    (void)context;
+    fprintf(stderr, "verge-echo: %s\n", line);
+}
+
 static int open_bus(echo* self, bus_options* options)
 {
     const arguments* args = self->args;
@@ -124,6 +131,7 @@ static int open_bus(echo* self, bus_options* options)
         fputs(file.error, stderr);
         return EXIT_USAGE;
     }
+    options->transport.log = complain;
     char error[512];
     const unsigned kinds = (args->states ? TRANSPORT_STATES : 0u) |
                            (args->plans ? TRANSPORT_PLANS : 0u) |

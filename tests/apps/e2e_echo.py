@@ -123,6 +123,15 @@ def on_dds_it_takes_the_same_options_as_the_daemon(rig):
     check(code == 64 and "dds.interface" in error and error.count("\n") == 1, error)
 
 
+def whom_it_does_not_hear_and_why_is_told(rig):
+    options = rig.folder / "bus.json"
+    options.write_text('{"lcm": {"allow": ["10.9.9.9"]}}')
+    words = Echo(rig, "--bus-options", options)
+    Bus().drive(three_and_a_human(), 1.0)
+    code, lines, told = words.end()
+    check(code == 0 and not lines and "not in lcm.allow" in told, f"{code}: {lines}: {told}")
+
+
 def wrong_use_has_its_exit_codes(rig):
     echo = rig.bin / "verge-echo"
     for wrong in ([], ["lcm:" + URL, "--bogus"], ["lcm:" + URL, "--count", "0"], ["tcp:x"],
@@ -163,6 +172,7 @@ CASES = [
     as_json_every_field_is_what_was_sent,
     it_ends_by_itself_where_told,
     on_dds_it_takes_the_same_options_as_the_daemon,
+    whom_it_does_not_hear_and_why_is_told,
     wrong_use_has_its_exit_codes,
     verge_ctl_shows_vehicles_and_plans,
 ]

@@ -182,7 +182,8 @@ def cyclonedds_ls_sees_the_topics(rig):
     with Daemon(rig, rig.config(bus=DDS)):
         tool = pathlib.Path(sys.executable).parent / "cyclonedds"
         environment = dict(os.environ, COLUMNS="160", NO_COLOR="1")
-        code, out, error = rig.run(tool, "ls", "--suppress-progress-bar", env=environment)
+        code, out, error = rig.run(sys.executable, tool, "ls", "--suppress-progress-bar",
+                                   env=environment)
         check(code == 0, error)
         for topic, kind in TOPICS.items():
             check(topic in out and "verge::" + kind in out, f"{topic} is not in\n{out}")

@@ -106,6 +106,8 @@ static bool domain_parse(const char* rest, uint32_t* number)
 }
 
 static void dds_bus_close(void* self);
+static void explain(const dds* self, const transport_options* options, int result,
+                    const char* said, char* error, size_t error_size);
 
 static int dds_bus_open(void** self, const char* rest, unsigned receive,
                         const transport_options* options, counters* counts, char* error,
@@ -158,27 +160,37 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
         result = ends_open(made, receive);
     }
     reason = NULL;
-    const bool forbidden = result == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY;
-    if (result == DDS_RETCODE_PRECONDITION_NOT_MET) {
-        snprintf(said, sizeof said, "this program is in the domain already with other interfaces "
-                                    "or peers; a secured bus changes these at a restart only");
-    }
-    if (forbidden) {
-        snprintf(error, error_size, "dds:%s: %s%s%.160s does not grant all that this program "
-                 "publishes and hears, expected permissions that do, or a program that wants less",
-                 rest, said, said[0] != '\0' ? ": " : "", options->dds_security->permissions);
-    } else if (result != 0) {
-        snprintf(error, error_size, "dds:%s: %s%s%s; see dds.interfaces, dds.security and the ports "
-                 "%u and up", rest, dds_strretcode(result), said[0] != '\0' ? ": " : "", said,
-                 (unsigned)(7400 + 250 * number));
-    }
     if (result != 0) {
+        explain(made, options, result, said, error, error_size);
         dds_bus_close(made);
         // What the papers do not allow today they will not allow at the next try.
-        return forbidden ? TRANSPORT_BAD_URL : TRANSPORT_UNAVAILABLE;
+        return result == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY ? TRANSPORT_BAD_URL
+                                                             : TRANSPORT_UNAVAILABLE;
     }
     *self = made;
     return TRANSPORT_OK;
+}
+
+/// Why a bus could not be opened, with Cyclone's return code and what it last said.
+static void explain(const dds* self, const transport_options* options, int result,
+                    const char* said, char* error, size_t error_size)
+{
+    const unsigned number = self->number;
+    const char*    colon = said[0] != '\0' ? ": " : "";
+    if (result == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY) {
+        snprintf(error, error_size,
+                 "dds:%u: %s%s%.160s does not grant all that this program publishes and hears, "
+                 "expected permissions that do, or a program that wants less",
+                 number, said, colon, options->dds_security->permissions);
+    } else if (result == DDS_RETCODE_PRECONDITION_NOT_MET) {
+        snprintf(error, error_size,
+                 "dds:%u: this program is in the domain already with other interfaces or peers, "
+                 "expected the same: a secured bus changes these at a restart only", number);
+    } else {
+        snprintf(error, error_size,
+                 "dds:%u: %s%s%s; see dds.interfaces, dds.security and the ports %u and up", number,
+                 dds_strretcode(result), colon, said, 7400 + 250 * number);
+    }
 }
 
 /// Deleting waits for listeners, so none runs after it. Who leaves a domain last ends it.
@@ -554,7 +566,8 @@ static void readers_renew(dds* self)
         dds_delete(self->readers[kind]);
         if (reader_open(self, (transport_kind)kind) != 0) {
             count_up(&self->counts->errors, 1);
-            tell(self, "the reader of %s could not be made again", codec_channel((transport_kind)kind));
+            tell(self, "the reader of %s could not be made again",
+                 codec_channel((transport_kind)kind));
         }
     }
 }

@@ -218,9 +218,9 @@ static int lcm_send(void* self, int64_t utime, const char* channel, const uint8_
 static void lcm_sender_text(const void* self, uint64_t sender, char* text, size_t size)
 {
     (void)self;
-    const uint32_t address = (uint32_t)(sender >> 16);
-    snprintf(text, size, "%u.%u.%u.%u:%u", (unsigned)(address >> 24), (unsigned)(address >> 16 & 255),
-             (unsigned)(address >> 8 & 255), (unsigned)(address & 255), (unsigned)(sender & 65535));
+    const unsigned address = (unsigned)(sender >> 16), port = (unsigned)sender & 65535;
+    snprintf(text, size, "%u.%u.%u.%u:%u", address >> 24, address >> 16 & 255, address >> 8 & 255,
+             address & 255, port);
 }
 
 /// The end of a number and its value in [0, max], or null.
@@ -425,7 +425,7 @@ static bool stays_here(const struct sockaddr_in* group)
     unsigned target, mask, best_mask = 0;
     bool     found = false;
     while (table != NULL && fgets(line, sizeof line, table) != NULL) {
-        // Iface Destination Gateway Flags RefCnt Use Metric Mask ..., addresses as they lie in memory
+        // Iface Destination Gateway Flags RefCnt Use Metric Mask ..., addresses as in memory
         if (sscanf(line, "%31s %8x %*s %*s %*s %*s %*s %8x", name, &target, &mask) == 3 &&
             (group->sin_addr.s_addr & mask) == target && (!found || ntohl(mask) > best_mask)) {
             memcpy(best, name, sizeof best);

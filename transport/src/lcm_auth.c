@@ -50,7 +50,8 @@ bool lcm_auth_init(lcm_auth* self, const transport_lcm_auth* asked, char* error,
     if (asked == NULL) {
         return true;
     }
-    const uint32_t window = asked->window_ms != 0 ? asked->window_ms : TRANSPORT_LCM_WINDOW_MS_DEFAULT;
+    const uint32_t window =
+        asked->window_ms != 0 ? asked->window_ms : TRANSPORT_LCM_WINDOW_MS_DEFAULT;
     if (window < TRANSPORT_LCM_WINDOW_MS_MIN || window > TRANSPORT_LCM_WINDOW_MS_MAX) {
         return fail(error, error_size, "lcm.window_ms: is %u, expected %d to %d", window,
                     TRANSPORT_LCM_WINDOW_MS_MIN, TRANSPORT_LCM_WINDOW_MS_MAX);

@@ -50,8 +50,9 @@ const char* transport_url_fault(const char* url)
             return NULL;
         }
     }
-    return begins_with(url, "dds:") ? "this build has no DDS (cmake -DVERGE_DDS=ON), expected another bus"
-                                    : "unknown bus, " EXPECTED_URL;
+    return begins_with(url, "dds:")
+               ? "this build has no DDS (cmake -DVERGE_DDS=ON), expected another bus"
+               : "unknown bus, " EXPECTED_URL;
 }
 
 int transport_open(transport** bus, const char* url, unsigned receive, char* error,

@@ -68,13 +68,18 @@ static paths paths_of(const char* set, const char* who)
     return p;
 }
 
-static bool check(const paths* p, char error[512])
+static transport_dds_security files_of(const paths* p)
 {
-    const transport_dds_security files = {
+    return (transport_dds_security){
         .identity_ca = p->identity_ca, .certificate = p->certificate, .key = p->key,
         .permissions_ca = p->permissions_ca, .governance = p->governance,
         .permissions = p->permissions,
     };
+}
+
+static bool check(const paths* p, char error[512])
+{
+    const transport_dds_security files = files_of(p);
     error[0] = '\0';
     return dds_security_check(&files, error, 512);
 }
@@ -212,6 +217,44 @@ static void test_what_has_expired_is_refused_with_its_date(void** state)
     }
 }
 
+static void test_rules_that_leave_the_door_open_are_told(void** state)
+{
+    (void)state;
+    need_openssl();
+    static const struct { const char *element, *value; } lax[] = {
+        { "allow_unauthenticated_participants", "true" },
+        { "allow_unauthenticated_participants", "1" },
+        { "enable_join_access_control", "false" },
+        { "enable_write_access_control", " False " },
+    };
+    char                         words[512];
+    paths                        p = paths_of("ours", "rsu");
+    const transport_dds_security files = files_of(&p);
+    assert_false(dds_security_lax(&files, words, sizeof words));
+    path_set(p.governance, "lax.p7s");
+    for (size_t i = 0; i < sizeof lax / sizeof lax[0]; ++i) {
+        char error[512];
+        assert_int_equal(
+            shell("sed -E 's,(<%s>)[^<]*,\\1%s,' ours/governance.xml > lax.xml && openssl smime "
+                  "-sign -text -in lax.xml -out lax.p7s -signer ours/permissions_ca.crt.pem "
+                  "-inkey ours/permissions_ca.key.pem", lax[i].element, lax[i].value), 0);
+        assert_true(check(&p, error)); // well signed
+        assert_true(dds_security_lax(&files, words, sizeof words));
+        assert_non_null(strstr(words, lax[i].element));
+        assert_non_null(strstr(words, p.governance));
+    }
+    const char* const       far = "verge9"; // no such interface: not loopback
+    const transport_options options = {
+        .dds_interfaces = &far, .dds_interface_count = 1, .dds_security = &files,
+    };
+    if (transport_url_fault("dds:0") == NULL) { // built in
+        assert_true(transport_exposed("dds:0", &options, words, sizeof words));
+        assert_non_null(strstr(words, "enable_write_access_control"));
+    }
+    assert_int_equal(shell("echo > lax.p7s"), 0);
+    assert_false(dds_security_lax(&files, words, sizeof words));
+}
+
 static void test_running_tools_certs_again_keeps_what_is_good_and_adds(void** state)
 {
     (void)state;
@@ -249,6 +292,7 @@ int main(void)
         cmocka_unit_test(test_a_key_that_others_can_read_is_refused),
         cmocka_unit_test(test_papers_that_do_not_belong_together_are_refused),
         cmocka_unit_test(test_what_has_expired_is_refused_with_its_date),
+        cmocka_unit_test(test_rules_that_leave_the_door_open_are_told),
         cmocka_unit_test(test_running_tools_certs_again_keeps_what_is_good_and_adds),
     };
     return cmocka_run_group_tests(tests, make_certificates, remove_certificates);

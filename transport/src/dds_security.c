@@ -45,6 +45,7 @@ static int key_open(const report* to)
 #include <openssl/pkcs7.h>
 #include <openssl/x509.h>
 #include <openssl/x509v3.h>
+#include <strings.h>
 #include <time.h>
 
 /// What was read, to be freed together.
@@ -56,6 +57,7 @@ typedef struct papers {
 
 static bool papers_check(papers* self, const transport_dds_security* files, char* error,
                          size_t error_size);
+static void papers_free(papers* self);
 static bool certificate_read(X509** certificate, const report* to);
 static bool key_read(EVP_PKEY** key, const report* to);
 static bool document_read(BIO** text, X509* authority, const report* to);
@@ -65,14 +67,19 @@ bool dds_security_check(const transport_dds_security* files, char* error, size_t
 {
     papers     self = { .key = NULL };
     const bool good = papers_check(&self, files, error, error_size);
-    X509_free(self.identity_ca);
-    X509_free(self.certificate);
-    X509_free(self.permissions_ca);
-    EVP_PKEY_free(self.key);
-    BIO_free(self.governance);
-    BIO_free(self.permissions);
-    ERR_clear_error();
+    papers_free(&self);
     return good;
+}
+
+static void papers_free(papers* self)
+{
+    X509_free(self->identity_ca);
+    X509_free(self->certificate);
+    X509_free(self->permissions_ca);
+    EVP_PKEY_free(self->key);
+    BIO_free(self->governance);
+    BIO_free(self->permissions);
+    ERR_clear_error();
 }
 
 static bool papers_check(papers* self, const transport_dds_security* files, char* error,
@@ -203,7 +210,7 @@ static bool document_read(BIO** text, X509* authority, const report* to)
 /// The text between <element> and its end, at or after *at; *at moves behind it.
 static bool element_find(const char** at, const char* element, char* value, size_t size)
 {
-    char open[32], end[32];
+    char open[48], end[48];
     snprintf(open, sizeof open, "<%s>", element);
     snprintf(end, sizeof end, "</%s>", element);
     const char* from = strstr(*at, open);
@@ -315,7 +322,58 @@ static bool grant_check(BIO* permissions, X509* certificate, const report* to)
     return true;
 }
 
+// ---- rules --------------------------------------------------------------------------------
+
+/// The first of the rules that lets in more than the papers say; null: none.
+static const char* rule_lax(const char* governance)
+{
+    static const struct { const char *element, *value, *digit, *words; } lax[] = {
+        { "allow_unauthenticated_participants", "true", "1",
+          "allow_unauthenticated_participants is true: who has no certificate gets in" },
+        { "enable_join_access_control", "false", "0",
+          "enable_join_access_control is false: who has no permissions gets in" },
+        { "enable_write_access_control", "false", "0",
+          "enable_write_access_control is false: permissions do not limit who publishes what" },
+    };
+    for (size_t i = 0; i < sizeof lax / sizeof lax[0]; ++i) {
+        char        value[16], word[16] = "";
+        const char* at = governance;
+        while (element_find(&at, lax[i].element, value, sizeof value)) {
+            (void)sscanf(value, "%15s", word);
+            if (strcasecmp(word, lax[i].value) == 0 || strcmp(word, lax[i].digit) == 0) {
+                return lax[i].words;
+            }
+        }
+    }
+    return NULL;
+}
+
+bool dds_security_lax(const transport_dds_security* files, char* words, size_t words_size)
+{
+    papers      self = { .key = NULL };
+    const char* lax = NULL;
+    if (papers_check(&self, files, words, words_size)) {
+        char* bytes = NULL;
+        (void)BIO_write(self.governance, "", 1); // a terminator
+        (void)BIO_get_mem_data(self.governance, &bytes);
+        lax = rule_lax(bytes);
+    }
+    papers_free(&self);
+    if (lax != NULL) {
+        snprintf(words, words_size, "dds.security.governance: %s: %s", files->governance, lax);
+    }
+    return lax != NULL;
+}
+
 #else
+
+bool dds_security_lax(const transport_dds_security* files, char* words, size_t words_size)
+{
+    (void)files;
+    (void)words;
+    (void)words_size;
+    return false;
+}
 
 bool dds_security_check(const transport_dds_security* files, char* error, size_t error_size)
 {

@@ -14,4 +14,8 @@
 /// False: error holds one line `dds.security.FIELD: PATH: what is wrong, what was expected`.
 bool dds_security_check(const transport_dds_security* files, char* error, size_t error_size);
 
+/// Do the domain's rules, however well signed, leave the door open? Then words tells which one and
+/// what it lets in. Files that dds_security_check() refuses, and builds without OpenSSL: false.
+bool dds_security_lax(const transport_dds_security* files, char* words, size_t words_size);
+
 #endif

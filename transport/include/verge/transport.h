@@ -182,8 +182,9 @@ typedef enum transport_result {
 /// expected, in words.
 const char* transport_url_fault(const char* url);
 
-/// Can strangers hear this bus or speak on it: in the clear, and on more than this machine's
-/// loopback? Then words tells how, and what to do about it. A URL that cannot be opened is not.
+/// Can strangers hear this bus or speak on it: on more than this machine's loopback, and in the
+/// clear or by rules of DDS Security that leave the door open? Then words tells how, and what to do
+/// about it. A URL that is none is not.
 bool transport_exposed(const char* url, const transport_options* options, char* words,
                        size_t words_size);
 

@@ -28,6 +28,7 @@ void cycle_swap(cycle* self, const cycle_def* def)
     inbox_set_limits(&self->inbox, &def->limits);
     self->inbox.vehicles_max = def->vehicles_max;
     self->inbox.controlled_max = def->controlled_max;
+    inbox_review(&self->inbox, verge_planner_road(def->planner));
 }
 
 /// Everyone is heard anew; what was counted stays counted.

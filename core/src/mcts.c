@@ -210,14 +210,21 @@ void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_r
     decision->report.bound = vg_flow_bound(scene, root);
 }
 
-// Share of X_flow that belongs to those for whom the best plan is another than the one kept. [1]
+// Where a step leads across: 0 along the lane, else the change.
+static uint8_t across(uint8_t action)
+{
+    return action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT ? action : 0;
+}
+
+// Share of X_flow that belongs to those whose lane changes are others than in the line kept: to
+// drive a little faster or slower than said is no change of mind. [1]
 static double switched(const search* self, const vg_line* kept)
 {
     double sum = 0.0;
     for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
         bool same = true;
         for (uint32_t t = 0; t < self->scene->def->steps; ++t) {
-            same = same && wish_of(kept, t, i) == wish_of(&self->best, t, i);
+            same = same && across(wish_of(kept, t, i)) == across(wish_of(&self->best, t, i));
         }
         sum += same ? 0.0 : (double)self->scene->weight[i];
     }

@@ -37,7 +37,7 @@ static const verge_param params[] = {
     D(cruise_share, "1", 0.05, 1.0, "of the speed limit: below it a step earns in proportion"),
     D(target_distance, "m", 0.0, 1000.0, "driven in the target lane by all: a simulation may end"),
     D(switch_margin, "1", 0.0, 1.0,
-      "reward by which a new plan must beat the last, for those it changes"),
+      "reward by which other lane changes must beat the last plan's"),
     D(idm_gap, "m", 0.1, 20.0, "standstill gap of uncontrolled vehicles"),
     D(idm_headway_s, "s", 0.1, 10.0, "time headway of uncontrolled vehicles"),
     D(idm_acceleration, "m/s^2", 0.05, 5.0, "acceleration of uncontrolled vehicles"),

@@ -204,14 +204,19 @@ static void a_warm_line_that_fails_does_not_become_the_plan(void** state)
     close_search(self);
 }
 
-/// Share of X_flow of the vehicles for whom two lines differ.
+static uint8_t change_of(uint8_t action)
+{
+    return action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT ? action : 0;
+}
+
+/// Share of X_flow of the vehicles that two lines send across at other times or to other sides.
 static double share_switched(const stage* at, const vg_line* a, const vg_line* b)
 {
     double share = 0.0;
     for (uint32_t i = 0; i < at->scene.controlled_count; ++i) {
         bool same = true;
         for (uint32_t t = 0; t < at->def.steps; ++t) {
-            same = same && a->actions[t][i] == b->actions[t][i];
+            same = same && change_of(a->actions[t][i]) == change_of(b->actions[t][i]);
         }
         share += same ? 0.0 : (double)at->scene.weight[i];
     }

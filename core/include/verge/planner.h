@@ -68,7 +68,8 @@ typedef struct verge_planner_def {
                                 ///<         no room, less by one that leaves some of change_gap_wanted
     double   cruise_share;      ///< [1]     of the speed limit; below it a step earns in proportion
     double   target_distance;   ///< [m]     driven in the target lane by all: a simulation may end
-    double   switch_margin;     ///< [1]     reward by which a new plan must beat the last one
+    double   switch_margin;     ///< [1]     reward by which other lane changes must beat the last plan's,
+                                ///<         in shares of those whose changes are others
     double   idm_gap;           ///< [m]     standstill gap of uncontrolled vehicles
     double   idm_headway_s;     ///< [s]
     double   idm_acceleration;  ///< [m/s^2]

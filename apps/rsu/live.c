@@ -6,17 +6,15 @@
 #define _GNU_SOURCE
 #include "live.h"
 
-#include "buses.h"
-#include "config.h"
 #include "cycle.h"
 #include "log.h"
 #include "notify.h"
 #include "operators.h"
 #include "realtime.h"
+#include "reload.h"
 #include "status.h"
 #include "worker.h"
 
-#include "common/executor.h"
 #include "common/floating.h"
 
 #include <errno.h>
@@ -39,14 +37,8 @@ enum {
 
 typedef struct live {
     const live_options* options;
-    config*        config;
-    config_planner planner;
-    executor*      pool;         // null with one thread
-    config*        next_config;  // read again, waits for the next cycle; null: nothing waits
-    config_planner next_planner;
-    executor*      next_pool;
-    buses          next_buses;   // count 0: the buses stay
-    buses          buses;
+    setup          now;          // in force
+    setup          next;         // waits for the next cycle; config null: nothing waits
     transport*     record;       // null: not recording
     worker*        worker;
     int            signal_fd, cycle_fd, status_fd;
@@ -122,18 +114,18 @@ static int start(live* self)
     }
     open_notify(self);
     self->status.start_utime = clock_us(CLOCK_REALTIME);
-    const cycle_def def = config_cycle_def(self->config, &self->planner);
+    const cycle_def def = config_cycle_def(self->now.config, &self->now.planner);
     cycle_init(&self->cycle, &def);
-    arm(self->cycle_fd, self->config->cycle_ms);
+    arm(self->cycle_fd, self->now.config->cycle_ms);
     arm(self->status_fd, STATUS_PERIOD_MS);
     char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
-    config_bus_list(self->config, buses, sizeof buses);
+    config_bus_list(self->now.config, buses, sizeof buses);
     log_event(LOG_ALWAYS, "READY",
               "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=0x%08x "
               "config_crc32=0x%08x",
-              VERGE_VERSION_STRING, self->config->rsu_id, buses,
-              self->config->cycle_ms, self->planner.size, self->config->map_crc32,
-              self->config->config_crc32);
+              VERGE_VERSION_STRING, self->now.config->rsu_id, buses,
+              self->now.config->cycle_ms, self->now.planner.size, self->now.config->map_crc32,
+              self->now.config->config_crc32);
     notify_send(&self->notify, "READY=1");
     return 0;
 }
@@ -153,29 +145,17 @@ static void open_notify(live* self)
 static void check_patience(const live* self)
 {
     const int64_t patience_us = self->notify.watchdog_us;
-    if (patience_us > 0 && patience_us < 2000 * (int64_t)self->config->cycle_ms) {
+    if (patience_us > 0 && patience_us < 2000 * (int64_t)self->now.config->cycle_ms) {
         log_event(LOG_WARNING, "watchdog_short",
                   "watchdog_us=%" PRId64 " cycle_ms=%u expected=\"WatchdogSec of at least two "
-                  "cycles\"", patience_us, self->config->cycle_ms);
+                  "cycles\"", patience_us, self->now.config->cycle_ms);
     }
-}
-
-/// Starts the helpers a configuration asks for. Returns 0, or EXIT_OS with a line in error.
-static int pool_start(executor** pool, const config* config, char error[CONFIG_ERROR_SIZE])
-{
-    const uint32_t threads = config->planner.threads;
-    *pool = threads > 1 ? executor_create_with(threads, &config->service.planning) : NULL;
-    if (*pool != NULL || threads <= 1) {
-        return 0;
-    }
-    realtime_explain(&config->service, errno, error, CONFIG_ERROR_SIZE);
-    return EXIT_OS;
 }
 
 static void open_log(const live* self)
 {
     const log_format* asked = self->options->log_format;
-    log_setup(asked != NULL ? *asked : self->config->service.log_format);
+    log_setup(asked != NULL ? *asked : self->now.config->service.log_format);
 }
 
 /// Once: what does it to us once does it again.
@@ -192,7 +172,7 @@ static void tell_correction(live* self, const char* when)
 static int load(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int code = config_load(&self->config, self->options->config_path, error);
+    int code = config_load(&self->now.config, self->options->config_path, error);
     if (code != 0) {
         return fail(code, error);
     }
@@ -200,12 +180,8 @@ static int load(live* self)
     if (self->options->floating_corrected) {
         tell_correction(self, "start");
     }
-    realtime_prepare(&self->config->service);
-    code = pool_start(&self->pool, self->config, error);
-    if (code == 0) {
-        code = config_planner_build(&self->planner, self->config,
-                                    self->pool != NULL ? executor_run : NULL, self->pool, error);
-    }
+    realtime_prepare(&self->now.config->service);
+    code = setup_build(&self->now, error);
     return code == 0 ? 0 : fail(code, error);
 }
 
@@ -221,7 +197,7 @@ static void log_complaint(void* context, const char* line)
 static int open_ends(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int result = buses_open(&self->buses, self->config, log_complaint, error, sizeof error);
+    int result = buses_open(&self->now.buses, self->now.config, log_complaint, error, sizeof error);
     if (result != TRANSPORT_OK) {
         return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
     }
@@ -267,7 +243,7 @@ static int open_descriptors(live* self)
         return fail(EXIT_OS, "the system refused a descriptor, expected a higher LimitNOFILE");
     }
     char error[CONFIG_ERROR_SIZE];
-    const service* service = &self->config->service;
+    const service* service = &self->now.config->service;
     self->worker = worker_create(&service->planning);
     if (self->worker == NULL) {
         realtime_explain(service, errno, error, sizeof error);
@@ -283,7 +259,7 @@ static bool reload(void* context, char error[CONFIG_ERROR_SIZE]);
 static int open_operators(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    const service*      service = &self->config->service;
+    const service*      service = &self->now.config->service;
     const operators_def def = { .context = self, .look = look, .reload = reload };
     const int code = operators_open(&self->operators, service, &def, error);
     if (code != 0) {
@@ -331,7 +307,7 @@ static void loop(live* self)
             { .fd = self->status_fd, .events = POLLIN },
         };
         uint32_t count = OWN_ENDS;
-        count += buses_poll(&self->buses, ends + count);
+        count += buses_poll(&self->now.buses, ends + count);
         count += operators_ends(&self->operators, ends + count);
         if (poll(ends, count, STATUS_PERIOD_MS) < 0 && errno != EINTR) {
             log_event(LOG_ERROR, "poll", "error=%s", strerror(errno));
@@ -372,11 +348,11 @@ static void take_in_message(live* self, const transport_message* message)
         record_message(self, message->arrival_utime, message);
     } else if (self->cycle.inbox.counters.rx_id_conflict > conflicts) {
         char sender[64];
-        transport_sender_text(self->buses.bus[message->bus], message->sender, sender,
+        transport_sender_text(self->now.buses.bus[message->bus], message->sender, sender,
                               sizeof sender);
         status_fault(&self->status, RSU_FAULT_ID_CONFLICT, clock_us(CLOCK_MONOTONIC), false);
         log_event(LOG_WARNING, "id_conflict", "vehicle=%d bus=%s refused_sender=%s", vehicle,
-                  self->config->bus[message->bus], sender);
+                  self->now.config->bus[message->bus], sender);
     } else {
         log_event(LOG_DEBUG, "state_refused", "vehicle=%d", vehicle);
     }
@@ -386,8 +362,8 @@ static void take_in_message(live* self, const transport_message* message)
 static uint32_t take_in(live* self)
 {
     uint32_t most = 0;
-    for (uint32_t bus = 0; bus < self->buses.count; bus++) {
-        const uint32_t count = buses_drain(&self->buses, bus, self->inbound, DRAIN_BATCH);
+    for (uint32_t bus = 0; bus < self->now.buses.count; bus++) {
+        const uint32_t count = buses_drain(&self->now.buses, bus, self->inbound, DRAIN_BATCH);
         for (uint32_t i = 0; i < count; i++) {
             take_in_message(self, &self->inbound[i]);
         }
@@ -453,7 +429,7 @@ static void on_tick(live* self)
         self->status.deadline_misses += missed;
         status_fault(&self->status, RSU_FAULT_DEADLINE, clock_us(CLOCK_MONOTONIC), false);
         log_event(LOG_WARNING, "deadline_missed", "cycle=%" PRId64 " cycle_ms=%u total=%" PRIu64,
-                  self->cycle.number, self->config->cycle_ms, self->status.deadline_misses);
+                  self->cycle.number, self->now.config->cycle_ms, self->status.deadline_misses);
     }
     if (busy) {
         send_overrun(self);
@@ -522,7 +498,7 @@ static void send_messages(live* self)
 {
     for (uint32_t i = 0; i < self->cycle.message_count; i++) {
         const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
-        buses_publish_plan(&self->buses, plan);
+        buses_publish_plan(&self->now.buses, plan);
         if (plan->status == VERGE_CANCELLED) {
             log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
                       plan->reason);
@@ -559,7 +535,7 @@ static void on_status_due(live* self)
         log_event(LOG_WARNING, "over_capacity", "vehicles_max=%u controlled_max=%u",
                   self->cycle.def.vehicles_max, self->cycle.def.controlled_max);
     }
-    const transport_stats stats = buses_statistics(&self->buses);
+    const transport_stats stats = buses_statistics(&self->now.buses);
     tell_refusals(self, &stats);
     send_status(self, now);
     tell_manager(self, now);
@@ -582,7 +558,8 @@ static void tell_manager(live* self, int64_t now)
 static void tell_refusals(live* self, const transport_stats* bus)
 {
     const inbox_counters* rx = &self->cycle.inbox.counters;
-    const bool several = self->buses.count > 1; // then who is heard on two says everything twice
+    // Who is heard on two buses says everything twice.
+    const bool several = self->now.buses.count > 1;
     const uint64_t refusals = rx->rx_stale + rx->rx_future + (several ? 0 : rx->rx_duplicate) +
                               rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
                               rx->rx_over_capacity + rx->rx_id_conflict + bus->malformed +
@@ -615,15 +592,15 @@ static void tell_changes(live* self)
 
 static verge_rsu_status_t status_now(const live* self, int64_t now)
 {
-    const transport_stats stats = buses_statistics(&self->buses);
-    return status_message(&self->status, self->config, &self->cycle, &stats,
+    const transport_stats stats = buses_statistics(&self->now.buses);
+    return status_message(&self->status, self->now.config, &self->cycle, &stats,
                           clock_us(CLOCK_REALTIME), now);
 }
 
 static void send_status(live* self, int64_t now)
 {
     const verge_rsu_status_t message = status_now(self, now);
-    buses_publish_status(&self->buses, &message);
+    buses_publish_status(&self->now.buses, &message);
     self->told_state = (rsu_state)message.state;
     self->told_fault = (rsu_fault)message.fault;
 }
@@ -631,12 +608,12 @@ static void send_status(live* self, int64_t now)
 /// The transport keeps trying by itself when the bus goes away; this says so.
 static void watch_bus(live* self, int64_t now)
 {
-    for (uint32_t bus = 0; bus < self->buses.count; bus++) {
-        const uint64_t errors = buses_trouble(&self->buses, bus);
+    for (uint32_t bus = 0; bus < self->now.buses.count; bus++) {
+        const uint64_t errors = buses_trouble(&self->now.buses, bus);
         if (errors > 0) {
             status_fault(&self->status, RSU_FAULT_BUS, now, false);
             log_event(LOG_WARNING, "bus_trouble", "errors=%" PRIu64 " bus=%s action=keeps_trying",
-                      errors, self->config->bus[bus]);
+                      errors, self->now.config->bus[bus]);
         }
     }
 }
@@ -647,10 +624,10 @@ static operators_view look(void* context)
 {
     const live* self = context;
     return (operators_view){
-        .config = self->config,
+        .config = self->now.config,
         .cycle = &self->cycle,
         .status = status_now(self, clock_us(CLOCK_MONOTONIC)),
-        .bus = buses_statistics(&self->buses),
+        .bus = buses_statistics(&self->now.buses),
     };
 }
 
@@ -671,8 +648,6 @@ static void log_statistics(const live* self)
 
 // ---- signals, new configuration -----------------------------------------------------------
 
-static void drop_next(live* self);
-
 /// True: it is time to stop.
 static bool on_signals(live* self)
 {
@@ -692,9 +667,8 @@ static bool on_signals(live* self)
     return false;
 }
 
-/// Reads and builds everything the new configuration needs; it takes force at the next cycle.
-/// Whatever goes wrong, the old one stays in force as if nothing had been asked, and error holds
-/// the reason.
+/// The configuration is read again; it takes force at the next cycle. False: refused, the old one
+/// stays, error holds the reason.
 static bool reload(void* context, char error[CONFIG_ERROR_SIZE])
 {
     live* self = context;
@@ -702,70 +676,35 @@ static bool reload(void* context, char error[CONFIG_ERROR_SIZE])
     snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
              clock_us(CLOCK_MONOTONIC));
     notify_send(&self->notify, reloading);
-    drop_next(self);
-    int code = config_load(&self->next_config, self->options->config_path, error);
-    if (code == 0 && !config_may_follow(self->config, self->next_config, error)) {
-        code = EXIT_CONFIG;
-    }
-    if (code == 0) {
-        code = pool_start(&self->next_pool, self->next_config, error);
-    }
-    if (code == 0) {
-        code = config_planner_build(&self->next_planner, self->next_config,
-                                    self->next_pool != NULL ? executor_run : NULL,
-                                    self->next_pool, error);
-    }
-    if (code == 0 && !config_same_buses(self->next_config, self->config)) {
-        code = buses_open(&self->next_buses, self->next_config, log_complaint, error,
-                          CONFIG_ERROR_SIZE);
-    }
+    setup_free(&self->next);
+    const int code = reload_prepare(&self->next, &self->now, self->options->config_path,
+                                    log_complaint, error);
     if (code == 0) {
         return true;
     }
     log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
-              self->config->config_crc32, log_words(error));
+              self->now.config->config_crc32, log_words(error));
     status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
     notify_send(&self->notify, "READY=1");
-    drop_next(self);
     return false;
-}
-
-static void drop_next(live* self)
-{
-    buses_close(&self->next_buses);
-    config_planner_free(&self->next_planner);
-    executor_destroy(self->next_pool);
-    config_free(self->next_config);
-    self->next_pool = NULL;
-    self->next_config = NULL;
 }
 
 /// At a cycle boundary, the worker at rest: the configuration that waits takes force.
 static void install_next(live* self)
 {
-    if (self->next_config == NULL) {
+    if (self->next.config == NULL) {
         return;
     }
-    const cycle_def def = config_cycle_def(self->next_config, &self->next_planner);
+    const cycle_def def = config_cycle_def(self->next.config, &self->next.planner);
     cycle_swap(&self->cycle, &def);
-    const bool period_changed = self->next_config->cycle_ms != self->config->cycle_ms;
-    config_planner_free(&self->planner);
-    executor_destroy(self->pool);
-    config_free(self->config);
-    self->planner = self->next_planner;
-    self->pool = self->next_pool;
-    self->config = self->next_config;
-    memset(&self->next_planner, 0, sizeof self->next_planner);
-    self->next_pool = NULL;
-    self->next_config = NULL;
-    if (self->next_buses.count > 0) {
-        buses_succeed(&self->next_buses, &self->buses);
-        self->buses = self->next_buses;
-        memset(&self->next_buses, 0, sizeof self->next_buses);
+    const bool period_changed = self->next.config->cycle_ms != self->now.config->cycle_ms;
+    const bool buses_changed = self->next.buses.count > 0;
+    reload_install(&self->now, &self->next);
+    if (buses_changed) {
         inbox_forget_senders(&self->cycle.inbox); // theirs have other numbers
     }
     if (period_changed) {
-        arm(self->cycle_fd, self->config->cycle_ms);
+        arm(self->cycle_fd, self->now.config->cycle_ms);
         check_patience(self);
     }
     open_log(self);
@@ -777,7 +716,8 @@ static void install_next(live* self)
         self->record = NULL;
     }
     log_event(LOG_INFO, "config_in_force", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
-              self->config->config_crc32, self->config->map_crc32, self->config->cycle_ms);
+              self->now.config->config_crc32, self->now.config->map_crc32,
+              self->now.config->cycle_ms);
     notify_send(&self->notify, "READY=1");
 }
 
@@ -811,12 +751,9 @@ static void release(live* self)
     notify_close(&self->notify);
     operators_close(&self->operators);
     worker_destroy(self->worker);
-    drop_next(self);
+    setup_free(&self->next);
     transport_close(self->record);
-    buses_close(&self->buses);
-    config_planner_free(&self->planner);
-    executor_destroy(self->pool);
-    config_free(self->config);
+    setup_free(&self->now);
     const int ends[] = { self->signal_fd, self->cycle_fd, self->status_fd };
     for (unsigned i = 0; i < sizeof ends / sizeof ends[0]; i++) {
         if (ends[i] >= 0) {

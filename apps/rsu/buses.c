@@ -2,6 +2,20 @@
 
 #include <string.h>
 
+static const int64_t DAY_US = 86400 * INT64_C(1000000);
+
+/// As read now: that is what the bus has let us in with, whatever comes under these names later.
+static void note_expiry(buses* self, const char* url, const transport_options* options)
+{
+    int64_t expiry = 0;
+    char    words[CONFIG_ERROR_SIZE];
+    if (transport_expires(url, options, &expiry, words, sizeof words) &&
+        (self->expiry == 0 || expiry < self->expiry)) {
+        self->expiry = expiry;
+        memcpy(self->expiry_words, words, sizeof words);
+    }
+}
+
 int buses_open(buses* self, const config* config, void (*log)(void* context, const char* line),
                char* error, size_t error_size)
 {
@@ -16,6 +30,7 @@ int buses_open(buses* self, const config* config, void (*log)(void* context, con
             return result;
         }
         self->count++;
+        note_expiry(self, config->bus[i], &options);
     }
     return TRANSPORT_OK;
 }
@@ -90,4 +105,21 @@ uint64_t buses_trouble(buses* self, uint32_t bus)
     const bool     fresh = errors > self->errors_told[bus];
     self->errors_told[bus] = errors;
     return fresh ? errors : 0;
+}
+
+int64_t buses_days_left(int64_t expiry, int64_t utime)
+{
+    const int64_t left = expiry - utime;
+    return left / DAY_US - (left % DAY_US < 0 ? 1 : 0);
+}
+
+bool buses_expiring(buses* self, int64_t utime)
+{
+    const bool lately = self->expiry_told != 0 && utime >= self->expiry_told &&
+                        utime < self->expiry_told + DAY_US;
+    if (self->expiry == 0 || lately || buses_days_left(self->expiry, utime) >= BUSES_EXPIRY_DAYS) {
+        return false;
+    }
+    self->expiry_told = utime;
+    return true;
 }

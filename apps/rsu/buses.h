@@ -13,11 +13,17 @@
 /// What the daemon does on its buses, for transport_open_with().
 enum { BUSES_USE = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES };
 
+/// Certificates and permissions that end within so many days are worth a warning.
+enum { BUSES_EXPIRY_DAYS = 30 };
+
 typedef struct buses {
     transport*      bus[CONFIG_BUSES_MAX];
     uint32_t        count;
     uint64_t        errors_told[CONFIG_BUSES_MAX]; ///< of each, in the log already
     transport_stats past; ///< of buses that were here before
+    int64_t         expiry;      ///< [us] wall clock, first end of what admits us; 0: none
+    int64_t         expiry_told; ///< [us] when buses_expiring() last said so; 0: never
+    char            expiry_words[CONFIG_ERROR_SIZE];
 } buses;
 
 /// Opens all buses of a configuration, or none. What they complain of later goes to log, which may
@@ -40,5 +46,10 @@ void buses_publish_status(buses* self, const verge_rsu_status_t* status);
 transport_stats buses_statistics(const buses* self);
 /// Has this bus had errors since the last time this was asked? Their number so far, or 0.
 uint64_t buses_trouble(buses* self, uint32_t bus);
+
+/// [days] whole ones from utime to expiry; negative: it is over.
+int64_t buses_days_left(int64_t expiry, int64_t utime);
+/// Once a day, by the wall clock utime, while no more than BUSES_EXPIRY_DAYS are left: true.
+bool buses_expiring(buses* self, int64_t utime);
 
 #endif

@@ -520,6 +520,7 @@ static void send_status(live* self, int64_t now);
 static void tell_manager(live* self, int64_t now);
 
 static void tell_refusals(live* self, const transport_stats* bus);
+static void tell_expiry(live* self);
 
 static void on_status_due(live* self)
 {
@@ -537,6 +538,7 @@ static void on_status_due(live* self)
     }
     const transport_stats stats = buses_statistics(&self->now.buses);
     tell_refusals(self, &stats);
+    tell_expiry(self);
     send_status(self, now);
     tell_manager(self, now);
     operators_write(&self->operators);
@@ -575,6 +577,17 @@ static void tell_refusals(live* self, const transport_stats* bus)
                   rx->rx_id_conflict, bus->malformed, bus->dropped, transport_refused(bus));
     }
     self->refusals = refusals;
+}
+
+/// What admits us to a bus ends soon: once a day.
+static void tell_expiry(live* self)
+{
+    buses*        buses = &self->now.buses;
+    const int64_t utime = clock_us(CLOCK_REALTIME);
+    if (buses_expiring(buses, utime)) {
+        log_event(LOG_WARNING, "certificate_expires", "days=%" PRId64 " words=\"%s\"",
+                  buses_days_left(buses->expiry, utime), log_words(buses->expiry_words));
+    }
 }
 
 /// Sends the status at once when its state or fault is not what was told last.

@@ -11,6 +11,7 @@
 
 #include <errno.h>
 #include <string.h>
+#include <time.h>
 
 typedef struct arguments {
     const char* config_path;
@@ -155,6 +156,12 @@ static int check_bus(const arguments* args, const config* config, const char* ur
         fprintf(stderr, "%s:bus: warning: not there now: %s\n", args->config_path, error);
     }
     if (transport_exposed(url, options, error, CONFIG_ERROR_SIZE)) {
+        fprintf(stderr, "%s:bus: warning: %s\n", args->config_path, error);
+    }
+    int64_t       expiry = 0;
+    const int64_t utime = (int64_t)time(NULL) * 1000000;
+    if (transport_expires(url, options, &expiry, error, CONFIG_ERROR_SIZE) &&
+        buses_days_left(expiry, utime) < BUSES_EXPIRY_DAYS) {
         fprintf(stderr, "%s:bus: warning: %s\n", args->config_path, error);
     }
     return 0;

@@ -510,6 +510,28 @@ def papers_that_cannot_work_are_refused_with_the_remedy(rig):
     check(code == 0 and error == "", f"the good ones: exit {code}: {error!r}")
 
 
+def papers_near_their_end_are_warned_of_and_work(rig):
+    papers = certificates(rig, "ends", "--days", "20", "rsu")
+    config = secured(rig, papers)
+    code, _, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--check-config")
+    check(code == 0 and error.count("\n") == 1 and
+          f"warning: dds.security.certificate: {papers / 'rsu.crt.pem'}: ends on " in error,
+          f"exit {code}: {error!r}")
+    with Daemon(rig, config) as rsu:
+        rsu.wait_for("event=certificate_expires days=19 ")
+        wait_for(lambda: figure(rig, "verge_cycles_total") > 15, "three seconds of cycles")
+        check(rsu.text().count("certificate_expires") == 1, f"told once:\n{rsu.text()}")
+        certificates(rig, "ends", "--days", "60", "rsu") # renews what ends within a month
+        rsu.signal(signal.SIGHUP)
+        rsu.wait_for("config_in_force")
+        cycles = figure(rig, "verge_cycles_total")
+        wait_for(lambda: figure(rig, "verge_cycles_total") > cycles + 15, "three seconds more")
+        check(rsu.text().count("certificate_expires") == 1, f"renewed:\n{rsu.text()}")
+        check(rsu.stop()[1] == 0, "stops")
+    error = rig.run(rig.bin / "verge-rsu", "--config", config, "--check-config")[2]
+    check(error == "", f"renewed: {error!r}")
+
+
 LCM_CASES = [
     signed_vehicles_are_planned_and_all_others_are_not,
     who_has_no_keys_is_planned_by_a_daemon_without_keys,
@@ -524,6 +546,7 @@ DDS_CASES = [
     strangers_hear_nothing_and_are_not_heard_and_the_log_says_why,
     without_the_right_to_publish_nothing_starts_and_it_says_so,
     papers_that_cannot_work_are_refused_with_the_remedy,
+    papers_near_their_end_are_warned_of_and_work,
 ]
 
 

@@ -8,6 +8,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <time.h>
 #include <unistd.h>
 
 static char folder[] = "/tmp/verge_test_pki_XXXXXX";
@@ -217,6 +218,44 @@ static void test_what_has_expired_is_refused_with_its_date(void** state)
     }
 }
 
+/// Days from now, rounded.
+static long check_first_end(const char* set, const char* who, const char* field)
+{
+    const paths                  p = paths_of(set, who);
+    const transport_dds_security files = files_of(&p);
+    char                         words[512], begin[64];
+    int64_t                      utime = 0;
+    snprintf(begin, sizeof begin, "dds.security.%s: %s/", field, folder);
+    if (!dds_security_expires(&files, &utime, words, sizeof words)) {
+        fail_msg("%s", words);
+    }
+    if (strncmp(words, begin, strlen(begin)) != 0 || strstr(words, "renew") == NULL) {
+        fail_msg("told as: %s\nexpected: %s", words, begin);
+    }
+    return (long)((utime / 1000000 - time(NULL) + 43200) / 86400);
+}
+
+static void test_the_first_of_the_papers_to_end_is_told(void** state)
+{
+    (void)state;
+    need_openssl();
+    static const char certs[] = VERGE_SOURCE_DIR "/tools/certs";
+    assert_int_equal(shell("%s --out %s/ends --days 50 rsu", certs, folder), 0);
+    assert_int_equal(check_first_end("ends", "rsu", "certificate"), 50);
+    // The certificate is good for a month more and stays, the permissions are written anew.
+    assert_int_equal(shell("%s --out %s/ends --days 40 rsu", certs, folder), 0);
+    assert_int_equal(check_first_end("ends", "rsu", "permissions"), 40);
+    // The authority is made for ten years.
+    assert_int_equal(shell("%s --out %s/ends --days 9999 vehicle", certs, folder), 0);
+    assert_int_equal(check_first_end("ends", "vehicle", "identity_ca"), 3650);
+    paths p = paths_of("ends", "rsu");
+    const transport_dds_security files = files_of(&p);
+    char    words[512];
+    int64_t utime = 0;
+    path_set(p.certificate, "absent");
+    assert_false(dds_security_expires(&files, &utime, words, sizeof words));
+}
+
 static void test_rules_that_leave_the_door_open_are_told(void** state)
 {
     (void)state;
@@ -292,6 +331,7 @@ int main(void)
         cmocka_unit_test(test_a_key_that_others_can_read_is_refused),
         cmocka_unit_test(test_papers_that_do_not_belong_together_are_refused),
         cmocka_unit_test(test_what_has_expired_is_refused_with_its_date),
+        cmocka_unit_test(test_the_first_of_the_papers_to_end_is_told),
         cmocka_unit_test(test_rules_that_leave_the_door_open_are_told),
         cmocka_unit_test(test_running_tools_certs_again_keeps_what_is_good_and_adds),
     };

@@ -260,6 +260,13 @@ static bool dds_bus_exposed(const char* rest, const transport_options* options, 
     return true;
 }
 
+static bool dds_bus_expires(const transport_options* options, int64_t* utime, char* words,
+                            size_t words_size)
+{
+    return options->dds_security != NULL &&
+           dds_security_expires(options->dds_security, utime, words, words_size);
+}
+
 // ---- moving messages ----------------------------------------------------------------------
 
 /// One sample of one kind. What is no message (a writer's farewell) is passed over.
@@ -719,5 +726,6 @@ const backend backend_dds = {
     .send = dds_bus_send,
     .sender_text = dds_bus_sender_text,
     .exposed = dds_bus_exposed,
+    .expires = dds_bus_expires,
     .keeps_time = false,
 };

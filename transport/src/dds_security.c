@@ -53,6 +53,7 @@ typedef struct papers {
     X509 *    identity_ca, *certificate, *permissions_ca;
     EVP_PKEY* key;
     BIO *     governance, *permissions; ///< the documents' text, once verified
+    time_t    granted_until;
 } papers;
 
 static bool papers_check(papers* self, const transport_dds_security* files, char* error,
@@ -61,7 +62,7 @@ static void papers_free(papers* self);
 static bool certificate_read(X509** certificate, const report* to);
 static bool key_read(EVP_PKEY** key, const report* to);
 static bool document_read(BIO** text, X509* authority, const report* to);
-static bool grant_check(BIO* permissions, X509* certificate, const report* to);
+static bool grant_check(papers* self, const report* to);
 
 bool dds_security_check(const transport_dds_security* files, char* error, size_t error_size)
 {
@@ -108,7 +109,7 @@ static bool papers_check(papers* self, const transport_dds_security* files, char
     return certificate_read(&self->permissions_ca, &permissions_ca) &&
            document_read(&self->governance, self->permissions_ca, &governance) &&
            document_read(&self->permissions, self->permissions_ca, &permissions) &&
-           grant_check(self->permissions, self->certificate, &permissions);
+           grant_check(self, &permissions);
 }
 
 // ---- certificates and keys ----------------------------------------------------------------
@@ -286,15 +287,15 @@ static bool instant_parse(const char* text, time_t* instant)
 }
 
 /// What the permissions grant to others is their business.
-static bool grant_check(BIO* permissions, X509* certificate, const report* to)
+static bool grant_check(papers* self, const report* to)
 {
     char  subject[512] = "", granted[512] = "", before[40], after[40];
     char* bytes = NULL;
-    (void)BIO_write(permissions, "", 1); // a terminator
-    (void)BIO_get_mem_data(permissions, &bytes);
+    (void)BIO_write(self->permissions, "", 1); // a terminator
+    (void)BIO_get_mem_data(self->permissions, &bytes);
     BIO* name = BIO_new(BIO_s_mem());
     if (name != NULL) {
-        X509_NAME_print_ex(name, X509_get_subject_name(certificate), 0, XN_FLAG_RFC2253);
+        X509_NAME_print_ex(name, X509_get_subject_name(self->certificate), 0, XN_FLAG_RFC2253);
         const int size = BIO_read(name, subject, sizeof subject - 1);
         subject[size > 0 ? size : 0] = '\0';
         BIO_free(name);
@@ -308,18 +309,55 @@ static bool grant_check(BIO* permissions, X509* certificate, const report* to)
         return fail(to, "grants \"%.100s\" something but \"%.100s\", the certificate's subject, "
                         "nothing: expected the permissions made for it", granted, subject);
     }
-    time_t from, until;
+    time_t from;
     if (!element_find(&at, "not_before", before, sizeof before) ||
         !element_find(&at, "not_after", after, sizeof after) || !instant_parse(before, &from) ||
-        !instant_parse(after, &until)) {
+        !instant_parse(after, &self->granted_until)) {
         return fail(to, "has no readable validity for \"%s\", expected not_before and not_after",
                     subject);
     }
     const time_t now = time(NULL);
-    if (now < from || now > until) {
+    if (now < from || now > self->granted_until) {
         return fail(to, "grants from %s to %s, expected today among it: renew it", before, after);
     }
     return true;
+}
+
+// ---- the first end ------------------------------------------------------------------------
+
+static time_t certificate_end(const X509* certificate)
+{
+    struct tm parts;
+    return ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &parts) == 1 ? timegm(&parts) : 0;
+}
+
+bool dds_security_expires(const transport_dds_security* files, int64_t* utime, char* words,
+                          size_t words_size)
+{
+    papers     self = { .key = NULL };
+    const bool good = papers_check(&self, files, words, words_size);
+    if (good) {
+        const struct { const char *field, *path; time_t end; } papers[] = {
+            { "certificate", files->certificate, certificate_end(self.certificate) },
+            { "permissions", files->permissions, self.granted_until },
+            { "identity_ca", files->identity_ca, certificate_end(self.identity_ca) },
+            { "permissions_ca", files->permissions_ca, certificate_end(self.permissions_ca) },
+        };
+        size_t first = 0;
+        for (size_t i = 1; i < sizeof papers / sizeof papers[0]; ++i) {
+            first = papers[i].end < papers[first].end ? i : first;
+        }
+        char      date[32] = "";
+        struct tm parts;
+        if (gmtime_r(&papers[first].end, &parts) != NULL) {
+            strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%SZ", &parts);
+        }
+        *utime = (int64_t)papers[first].end * 1000000;
+        snprintf(words, words_size, "dds.security.%s: %s: ends on %s: renew it and reload",
+                 papers[first].field, papers[first].path, date);
+    }
+    papers_free(&self);
+    return good;
 }
 
 // ---- rules --------------------------------------------------------------------------------
@@ -366,6 +404,16 @@ bool dds_security_lax(const transport_dds_security* files, char* words, size_t w
 }
 
 #else
+
+bool dds_security_expires(const transport_dds_security* files, int64_t* utime, char* words,
+                          size_t words_size)
+{
+    (void)files;
+    (void)utime;
+    (void)words;
+    (void)words_size;
+    return false;
+}
 
 bool dds_security_lax(const transport_dds_security* files, char* words, size_t words_size)
 {

@@ -18,4 +18,9 @@ bool dds_security_check(const transport_dds_security* files, char* error, size_t
 /// what it lets in. Files that dds_security_check() refuses, and builds without OpenSSL: false.
 bool dds_security_lax(const transport_dds_security* files, char* words, size_t words_size);
 
+/// When does the first of certificate, authorities and permissions end? utime [us], and words tells
+/// which and its date. Files that dds_security_check() refuses, and builds without OpenSSL: false.
+bool dds_security_expires(const transport_dds_security* files, int64_t* utime, char* words,
+                          size_t words_size);
+
 #endif

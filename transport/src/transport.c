@@ -109,6 +109,18 @@ bool transport_exposed(const char* url, const transport_options* options, char* 
     return false;
 }
 
+bool transport_expires(const char* url, const transport_options* options, int64_t* utime,
+                       char* words, size_t words_size)
+{
+    for (size_t i = 0; options != NULL && i < sizeof backends / sizeof backends[0]; ++i) {
+        if (begins_with(url, backends[i]->scheme)) {
+            return backends[i]->expires != NULL &&
+                   backends[i]->expires(options, utime, words, words_size);
+        }
+    }
+    return false;
+}
+
 void transport_close(transport* bus)
 {
     if (bus != NULL) {

@@ -188,6 +188,11 @@ const char* transport_url_fault(const char* url);
 bool transport_exposed(const char* url, const transport_options* options, char* words,
                        size_t words_size);
 
+/// Does what admits us to this bus, certificates and permissions, have an end? Then utime [us] is
+/// the first one, and words tells whose and what to do. What cannot be read has none.
+bool transport_expires(const char* url, const transport_options* options, int64_t* utime,
+                       char* words, size_t words_size);
+
 /// Opens a bus. On failure *bus is null and error holds one line that says what to do.
 /// options null: the defaults.
 int  transport_open_with(transport** bus, const char* url, unsigned receive,

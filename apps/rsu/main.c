@@ -167,6 +167,28 @@ static int check_bus(const arguments* args, const config* config, const char* ur
     return 0;
 }
 
+/// Vehicles have one number on all buses: who can speak on one of them can speak for those of
+/// another, however well that one is guarded, as long as their own states are not heard.
+static void check_beside(const arguments* args, const config* config)
+{
+    const transport_options* options = &config->bus_options.transport;
+    const char* open = NULL;
+    const char* guarded = NULL;
+    for (uint32_t i = 0; i < config->bus_count; i++) {
+        char words[CONFIG_ERROR_SIZE];
+        if (transport_exposed(config->bus[i], options, words, sizeof words)) {
+            open = config->bus[i];
+        } else if (transport_secured(config->bus[i], options)) {
+            guarded = config->bus[i];
+        }
+    }
+    if (open != NULL && guarded != NULL) {
+        fprintf(stderr, "%s:bus: warning: %s, which strangers can reach, stands beside %s, which "
+                "is secured: on the first they can speak for a vehicle of the second; secure both "
+                "or leave the first out\n", args->config_path, open, guarded);
+    }
+}
+
 /// Builds the planner and knocks at the bus: what can only be told wrong by trying. A bus that is
 /// not there now is no error of the configuration, but worth a warning.
 static int check(const arguments* args, const config* config)
@@ -176,6 +198,9 @@ static int check(const arguments* args, const config* config)
     int status = config_planner_build(&built, config, NULL, NULL, error);
     for (uint32_t i = 0; status == 0 && i < config->bus_count; i++) {
         status = check_bus(args, config, config->bus[i], error);
+    }
+    if (status == 0) {
+        check_beside(args, config);
     }
     if (status != 0) {
         fprintf(stderr, "%s:%s\n", args->config_path, error);

@@ -532,6 +532,34 @@ def papers_near_their_end_are_warned_of_and_work(rig):
     check(error == "", f"renewed: {error!r}")
 
 
+def a_clear_bus_beside_a_secured_one_is_warned_of(rig):
+    papers = certificates(rig, "ours")
+    write_key(rig.folder / "one.key")
+    security = json.loads((papers / "rsu.options.json").read_text())["dds"]["security"]
+    dds = {"security": {key: str(papers / path) for key, path in security.items()}}
+    signed = {"keys": [{"id": 1, "file": "one.key"}]}
+    near, far = URL, URL.replace("ttl=0", "ttl=1")
+    lax = papers / "lax.p7s" # secured, but whoever has no certificate gets in
+    subprocess.run(["sh", "-c", "sed 's,participants>false,participants>true,' governance.xml >lax.xml"
+                    " && openssl smime -sign -text -in lax.xml -out lax.p7s -signer "
+                    "permissions_ca.crt.pem -inkey permissions_ca.key.pem"], cwd=papers, check=True,
+                   capture_output=True)
+    open_dds = {"interfaces": ["verge9"], "security": dict(dds["security"], governance=str(lax))}
+    cases = [({"bus": [far, "dds:0"], "dds": dds}, (far, "dds:0")),
+             ({"bus": ["dds:0", far], "dds": dds}, (far, "dds:0")),
+             ({"bus": [near, "dds:0"], "dds": open_dds, "lcm": signed}, ("dds:0", near)),
+             ({"bus": [far, "dds:0"], "dds": dds, "lcm": signed}, None),
+             ({"bus": [near, "dds:0"], "dds": dds}, None),
+             ({"bus": [far, "dds:0"]}, None), ({"bus": far, "dds": dds}, None)]
+    for document, pair in cases:
+        code, _, error = rig.run(rig.bin / "verge-rsu", "--config", rig.config(**document),
+                                 "--check-config")
+        told = [line for line in error.splitlines() if "stands beside" in line]
+        check(code == 0 and len(told) == (pair is not None), f"{document}: exit {code}: {error!r}")
+        check(pair is None or f"warning: {pair[0]}, which" in told[0] and
+              f"beside {pair[1]}, which" in told[0], f"{document}: told as {told}")
+
+
 LCM_CASES = [
     signed_vehicles_are_planned_and_all_others_are_not,
     who_has_no_keys_is_planned_by_a_daemon_without_keys,
@@ -547,6 +575,7 @@ DDS_CASES = [
     without_the_right_to_publish_nothing_starts_and_it_says_so,
     papers_that_cannot_work_are_refused_with_the_remedy,
     papers_near_their_end_are_warned_of_and_work,
+    a_clear_bus_beside_a_secured_one_is_warned_of,
 ]
 
 

@@ -66,6 +66,8 @@ typedef struct backend {
     /// As transport_exposed(). Null: never.
     bool (*exposed)(const char* rest, const transport_options* options, char* words,
                     size_t words_size);
+    /// As transport_secured(). Null: never.
+    bool (*secured)(const transport_options* options);
     /// As transport_expires(). Null: never.
     bool (*expires)(const transport_options* options, int64_t* utime, char* words,
                     size_t words_size);

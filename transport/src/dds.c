@@ -260,10 +260,15 @@ static bool dds_bus_exposed(const char* rest, const transport_options* options, 
     return true;
 }
 
+static bool dds_bus_secured(const transport_options* options)
+{
+    return options->dds_security != NULL;
+}
+
 static bool dds_bus_expires(const transport_options* options, int64_t* utime, char* words,
                             size_t words_size)
 {
-    return options->dds_security != NULL &&
+    return dds_bus_secured(options) &&
            dds_security_expires(options->dds_security, utime, words, words_size);
 }
 
@@ -726,6 +731,7 @@ const backend backend_dds = {
     .send = dds_bus_send,
     .sender_text = dds_bus_sender_text,
     .exposed = dds_bus_exposed,
+    .secured = dds_bus_secured,
     .expires = dds_bus_expires,
     .keeps_time = false,
 };

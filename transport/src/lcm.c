@@ -439,13 +439,17 @@ static bool stays_here(const struct sockaddr_in* group)
     return strcmp(best, "lo") == 0;
 }
 
+static bool lcm_secured(const transport_options* options)
+{
+    return options->lcm_auth != NULL && options->lcm_auth->key_count > 0;
+}
+
 /// A ttl of 0 keeps our own datagrams here; whom we hear is the route's business.
 static bool lcm_exposed(const char* rest, const transport_options* options, char* words,
                         size_t words_size)
 {
     target to;
-    if (!target_parse(&to, rest) ||
-        (options->lcm_auth != NULL && options->lcm_auth->key_count > 0)) {
+    if (!target_parse(&to, rest) || lcm_secured(options)) {
         return false;
     }
     const bool here = stays_here(&to.group);
@@ -502,5 +506,6 @@ const backend backend_lcm = {
     .send = lcm_send,
     .sender_text = lcm_sender_text,
     .exposed = lcm_exposed,
+    .secured = lcm_secured,
     .keeps_time = false,
 };

@@ -43,12 +43,21 @@ static bool begins_with(const char* url, const char* scheme)
     return strncmp(url, scheme, strlen(scheme)) == 0;
 }
 
-const char* transport_url_fault(const char* url)
+/// The bus a URL begins like; null: none.
+static const backend* backend_of(const char* url)
 {
     for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
         if (begins_with(url, backends[i]->scheme)) {
-            return NULL;
+            return backends[i];
         }
+    }
+    return NULL;
+}
+
+const char* transport_url_fault(const char* url)
+{
+    if (backend_of(url) != NULL) {
+        return NULL;
     }
     return begins_with(url, "dds:")
                ? "this build has no DDS (cmake -DVERGE_DDS=ON), expected another bus"
@@ -68,57 +77,51 @@ int transport_open_with(transport** bus, const char* url, unsigned receive,
     *bus = NULL;
     pthread_once(&prepared, codec_prepare);
 
-    for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
-        const char* scheme = backends[i]->scheme;
-        if (!begins_with(url, scheme)) {
-            continue;
-        }
-        transport* made = calloc(1, sizeof *made);
-        if (made == NULL) {
-            snprintf(error, error_size, "%s: out of memory", url);
-            return TRANSPORT_UNAVAILABLE;
-        }
-        made->bus = backends[i];
-        made->receive = receive;
-        const int result = made->bus->open(&made->self, url + strlen(scheme), receive,
-                                           options != NULL ? options : &defaults, &made->counts,
-                                           error, error_size);
-        if (result != TRANSPORT_OK) {
-            free(made);
-            return result;
-        }
-        *bus = made;
-        return TRANSPORT_OK;
+    const backend* of = backend_of(url);
+    if (of == NULL) {
+        snprintf(error, error_size, "%s: %s", url, transport_url_fault(url));
+        return TRANSPORT_BAD_URL;
     }
-    snprintf(error, error_size, "%s: %s", url, transport_url_fault(url));
-    return TRANSPORT_BAD_URL;
+    transport* made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        snprintf(error, error_size, "%s: out of memory", url);
+        return TRANSPORT_UNAVAILABLE;
+    }
+    made->bus = of;
+    made->receive = receive;
+    const int result = of->open(&made->self, url + strlen(of->scheme), receive,
+                                options != NULL ? options : &defaults, &made->counts, error,
+                                error_size);
+    if (result != TRANSPORT_OK) {
+        free(made);
+        return result;
+    }
+    *bus = made;
+    return TRANSPORT_OK;
 }
 
 bool transport_exposed(const char* url, const transport_options* options, char* words,
                        size_t words_size)
 {
     static const transport_options defaults;
-    for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
-        const char* scheme = backends[i]->scheme;
-        if (begins_with(url, scheme)) {
-            return backends[i]->exposed != NULL &&
-                   backends[i]->exposed(url + strlen(scheme),
-                                        options != NULL ? options : &defaults, words, words_size);
-        }
-    }
-    return false;
+    const backend* bus = backend_of(url);
+    return bus != NULL && bus->exposed != NULL &&
+           bus->exposed(url + strlen(bus->scheme), options != NULL ? options : &defaults, words,
+                        words_size);
+}
+
+bool transport_secured(const char* url, const transport_options* options)
+{
+    const backend* bus = backend_of(url);
+    return bus != NULL && bus->secured != NULL && options != NULL && bus->secured(options);
 }
 
 bool transport_expires(const char* url, const transport_options* options, int64_t* utime,
                        char* words, size_t words_size)
 {
-    for (size_t i = 0; options != NULL && i < sizeof backends / sizeof backends[0]; ++i) {
-        if (begins_with(url, backends[i]->scheme)) {
-            return backends[i]->expires != NULL &&
-                   backends[i]->expires(options, utime, words, words_size);
-        }
-    }
-    return false;
+    const backend* bus = backend_of(url);
+    return bus != NULL && bus->expires != NULL && options != NULL &&
+           bus->expires(options, utime, words, words_size);
 }
 
 void transport_close(transport* bus)

@@ -188,6 +188,10 @@ const char* transport_url_fault(const char* url);
 bool transport_exposed(const char* url, const transport_options* options, char* words,
                        size_t words_size);
 
+/// Do the options ask for signatures or certificates on this bus? (The rules of DDS Security may
+/// leave the door open all the same, see transport_exposed().)
+bool transport_secured(const char* url, const transport_options* options);
+
 /// Does what admits us to this bus, certificates and permissions, have an end? Then utime [us] is
 /// the first one, and words tells whose and what to do. What cannot be read has none.
 bool transport_expires(const char* url, const transport_options* options, int64_t* utime,

@@ -7,7 +7,7 @@
 #include <string.h>
 
 typedef enum field_kind { FIELD_I16, FIELD_I32, FIELD_I64, FIELD_FLOAT, FIELD_DOUBLE,
-                          FIELD_HEX32, FIELD_HEX64 } field_kind;
+                          FIELD_HEX32, FIELD_HEX64, FIELD_CHECKSUM } field_kind;
 
 typedef struct field {
     const char* name;
@@ -32,7 +32,7 @@ void message_json_state(text* out, const verge_vehicle_state_t* state)
         FIELD(T, length, FIELD_FLOAT),        FIELD(T, width, FIELD_FLOAT),
         FIELD(T, position_sigma, FIELD_FLOAT), FIELD(T, target_lane, FIELD_I32),
         FIELD(T, habit, FIELD_I16),           FIELD(T, cooperation, FIELD_FLOAT),
-        FIELD(T, followed_cycle, FIELD_I32),  FIELD(T, crc32, FIELD_HEX32),
+        FIELD(T, followed_cycle, FIELD_I32),  FIELD(T, crc32, FIELD_CHECKSUM),
     };
     text_add(out, "{");
     add_fields(out, state, FIELDS, COUNT(FIELDS));
@@ -83,7 +83,7 @@ void message_json_plan(text* out, const verge_vehicle_plan_t* plan)
         FIELD(T, plans_in_cycle, FIELD_I32), FIELD(T, vehicle_id, FIELD_I32),
         FIELD(T, state_utime, FIELD_I64),    FIELD(T, status, FIELD_I16),
         FIELD(T, reason, FIELD_I16),         FIELD(T, dt_ms, FIELD_I32),
-        FIELD(T, digest, FIELD_HEX64),       FIELD(T, crc32, FIELD_HEX32),
+        FIELD(T, digest, FIELD_HEX64),       FIELD(T, crc32, FIELD_CHECKSUM),
     };
     text_add(out, "{");
     add_fields(out, plan, FIELDS, COUNT(FIELDS));
@@ -111,7 +111,7 @@ void message_json_status(text* out, const verge_rsu_status_t* status)
         FIELD(T, rx_off_map, FIELD_I32),          FIELD(T, rx_over_capacity, FIELD_I32),
         FIELD(T, rx_id_conflict, FIELD_I32),      FIELD(T, rx_dropped, FIELD_I32),
         FIELD(T, arena_size_bytes, FIELD_I64),    FIELD(T, arena_peak_bytes, FIELD_I64),
-        FIELD(T, nodes_peak, FIELD_I32),          FIELD(T, crc32, FIELD_HEX32),
+        FIELD(T, nodes_peak, FIELD_I32),          FIELD(T, crc32, FIELD_CHECKSUM),
     };
     text_add(out, "{");
     add_fields(out, status, FIELDS, COUNT(FIELDS));
@@ -176,6 +176,7 @@ static void add_value(text* out, const void* at, field_kind kind)
         text_add_double(out, value.d);
         break;
     case FIELD_HEX32:
+    case FIELD_CHECKSUM:
         memcpy(&value.i32, at, sizeof value.i32);
         text_add(out, "\"%08" PRIx32 "\"", (uint32_t)value.i32);
         break;
@@ -186,9 +187,19 @@ static void add_value(text* out, const void* at, field_kind kind)
     }
 }
 
+/// The transport puts the checksum into what it sends: what was not sent has none.
+static bool is_left_out(const void* at, field_kind kind)
+{
+    static const int32_t none;
+    return kind == FIELD_CHECKSUM && memcmp(at, &none, sizeof none) == 0;
+}
+
 static void add_fields(text* out, const void* message, const field* fields, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
+        if (is_left_out((const char*)message + fields[i].offset, fields[i].kind)) {
+            continue;
+        }
         text_add(out, "%s\"%s\":", i > 0 ? "," : "", fields[i].name);
         add_value(out, (const char*)message + fields[i].offset, fields[i].kind);
     }

@@ -1,5 +1,6 @@
 /// The messages of the bus as JSON, every field by its name on the wire. NaN is null; a digest is
-/// 16 hexadecimal digits in quotes, a checksum 8.
+/// 16 hexadecimal digits in quotes, a checksum 8; crc32 is left out where it is 0, of messages that
+/// have not been sent.
 #ifndef VERGE_APPS_MESSAGE_JSON_H
 #define VERGE_APPS_MESSAGE_JSON_H
 

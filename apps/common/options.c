@@ -77,9 +77,11 @@ bool options_u64(const program* self, const char* name, const char* text, uint64
     char* end = NULL;
     errno = 0;
     const unsigned long long number = strtoull(text, &end, 10);
-    if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0) {
-        fprintf(stderr, "%s:%s: is \"%.40s\", expected a whole number from 0 to "
-                "18446744073709551615\n", self->name, name, text);
+    const bool digits = text[0] >= '0' && text[0] <= '9' && *end == '\0';
+    if (!digits || errno != 0) {
+        fprintf(stderr, "%s:%s: is \"%.40s\", %s\n", self->name, name, text,
+                digits ? "expected at most 18446744073709551615"
+                       : "not a whole number, expected digits only");
         return false;
     }
     *value = number;

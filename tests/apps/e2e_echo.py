@@ -160,6 +160,7 @@ def verge_ctl_shows_vehicles_and_plans(rig):
         code, out, _ = ctl(rig, "plans")
         check(code == 0 and out.count("\n") == 4 and " to 1" in out, out)
         plans = json.loads(ctl(rig, "plans", "--json")[1])["plans"]
+        check(plans and not any("crc32" in plan for plan in plans), "a checksum is the bus's")
         check([plan["vehicle_id"] for plan in plans] == [1, 2, 3], "of each")
         bus.listen(0.3)
         sent = {(plan.vehicle_id, plan.utime) for _, plan, _ in bus.plans}

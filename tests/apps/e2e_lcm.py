@@ -217,7 +217,10 @@ def wrong_options_and_configurations_have_their_exit_codes(rig):
     rsu = rig.bin / "verge-rsu"
     check(rig.run(rsu)[0] == 64, "no --config: 64")
     check(rig.run(rsu, "--config", rig.config(), "--bogus")[0] == 64, "unknown option: 64")
-    check(rig.run(rsu, "--config", rig.config(), "--cycles", "-1")[0] == 64, "bad number: 64")
+    for number, told in (("-1", "not a whole number"), ("x", "not a whole number"),
+                         ("0", "1 to 2147483647"), ("9" * 30, "at most"), ("9" * 30 + "x", "digits")):
+        code, _, error = rig.run(rsu, "--config", rig.config(), "--cycles", number)
+        check(code == 64 and told in error, f"--cycles {number}: exit {code}, told as {error!r}")
     check(rig.run(rsu, "--config", rig.folder / "no.json")[0] == 66, "no config file: 66")
     check(rig.run(rsu, "--config", rig.config(), "--replay", rig.folder / "no.log")[0] == 66,
           "no log: 66")

@@ -93,6 +93,12 @@ static void test_every_message_has_all_its_fields_and_fits(void** state)
     text out = text_in(buffer, sizeof buffer);
     message_json_plan(&out, &plan);
     assert_int_equal(fields_of(&out), 12 + 2); // and the counts are the arrays' lengths
+    assert_non_null(strstr(buffer, "\"crc32\":\"80808080\""));
+    plan.crc32 = 0; // not sent yet
+    out = text_in(buffer, sizeof buffer);
+    message_json_plan(&out, &plan);
+    assert_int_equal(fields_of(&out), 11 + 2);
+    assert_null(strstr(buffer, "crc32"));
 
     verge_vehicle_state_t vehicle;
     memset(&vehicle, 0x80, sizeof vehicle);

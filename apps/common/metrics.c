@@ -140,8 +140,8 @@ void metrics_write(FILE* out, const metrics* self, bool timing, const char* line
         { "max_abs_jerk", self->max_abs_jerk },
         { "max_abs_curvature", self->max_abs_curvature },
         { "fallbacks", (double)self->fallbacks },
-        { "nodes_mean", self->cycles > 0 ? (double)self->nodes / (double)self->cycles
-                                          : (double)NAN },
+        { "nodes_mean", self->nodes > 0 ? (double)self->nodes / (double)self->cycles
+                                        : (double)NAN }, // plans from a bus do not tell
     };
     fprintf(out, "{\"success\":%s,%s\"collisions\":%u,%s\"collisions_human\":%u,%s",
             metrics_success(self) ? "true" : "false", line, self->collisions, line,

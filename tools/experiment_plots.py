@@ -35,10 +35,12 @@ PAPER = {
 }
 GAP_GOAL = {2: 8.41, 3: 7.02, 4: 7.54}     # [m] the paper's best column
 TIME_GOAL = {2: 5.68, 3: 3.50, 4: 8.93}    # [s]
+# Runs that the page shows (experiments.c), and more of them.
+SHOWN = ["roundabout", "freeway-2av-as-stated-verge", "ramp-case-1-state-0.90-20000",
+         "ramp-case-2-state-0.90-20000", "ramp-case-3-speeds-up"]
 RUNS = ["freeway-2av-as-run-verge", "freeway-3av-as-run-verge", "freeway-4av-as-run-verge",
         "freeway-4av-as-run-decision-only", "freeway-4av-as-run-sequential",
-        "ramp-case-1-state-0.90-20000", "ramp-case-2-state-0.90-20000",
-        "ramp-case-1-state-0.00-3000", "ramp-case-2-state-1.00-3000", "ramp-case-3", "ramp-case-3-speeds-up"]
+        "ramp-case-1-state-0.00-3000", "ramp-case-2-state-1.00-3000", "ramp-case-3"]
 
 
 def style():
@@ -292,7 +294,7 @@ def main():
             rows = json.loads(path.read_text(encoding="utf-8"))["rows"]
             if rows:
                 draw(rows, out)
-    runs(given.folder, out, ["roundabout"])  # its run is its figure
+    runs(given.folder, out, SHOWN)
     if not given.no_runs:
         scenes = sorted(path.stem for path in given.folder.glob("recorded-*.jsonl"))
         runs(given.folder, out, RUNS + scenes)

@@ -16,11 +16,14 @@
 /// False: interrupted or failed; the rows are not to be used.
 typedef bool experiment_run(lab* self, table* rows);
 
+enum { EXPERIMENT_PICTURES = 3 };
+
 typedef struct experiment {
     const char*     name;
     const char*     text;    ///< one line
     uint32_t        repeats; ///< where --repeats is not given
     experiment_run* run;
+    const char*     pictures[EXPERIMENT_PICTURES + 1]; ///< run files the page shows; null ends them
 } experiment;
 
 extern const experiment experiments[];

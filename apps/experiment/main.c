@@ -245,6 +245,11 @@ static bool write_json(const char* path, const table* all, uint32_t count)
     return good;
 }
 
+static void write_picture(FILE* page, const char* name)
+{
+    fprintf(page, "![%s](figures/%s.png)\n", name, name);
+}
+
 /// Every experiment's Markdown from the folder of results, with the commands that make it.
 static bool write_page(const char* path, const lab* self)
 {
@@ -258,7 +263,7 @@ static bool write_page(const char* path, const lab* self)
               " apps/experiment/figures\n\n"
               "(one experiment alone with `--only NAME`, its number of seeds with `--repeats N`, as"
               " each section states it; the second command draws the figures, without --no-runs"
-              " also those of the runs). What the columns"
+              " also those of more runs). What the columns"
               " are: apps/common/metrics.h, apps/experiment/trial.h and summary.h; `worst` is the"
               " worst of all runs, a dash is \"not measured\" or, for a worst finish time, \"not"
               " everybody finished\". `nodes` are those created until the returned plan was found"
@@ -270,8 +275,11 @@ static bool write_page(const char* path, const lab* self)
         snprintf(name, sizeof name, "%s/%s.md", self->out, experiments[i].name);
         char* text = lab_read(name);
         if (text != NULL) {
-            fprintf(file.stream, "\n%s\n![%s](figures/%s.png)\n", text, experiments[i].name,
-                    experiments[i].name);
+            fprintf(file.stream, "\n%s\n", text);
+            write_picture(file.stream, experiments[i].name);
+            for (uint32_t k = 0; experiments[i].pictures[k] != NULL; k++) {
+                write_picture(file.stream, experiments[i].pictures[k]);
+            }
         }
         free(text);
     }

@@ -9,7 +9,7 @@ const experiment experiments[] = {
     { "beyond", "5, 6 and 8 controlled vehicles: the authors' freeway, random dense traffic.", 200,
       beyond, { NULL } },
     { "ramp-cases", "Cases 1, 2 and 3 of the paper's section 4.2.", 20, ramp_cases,
-      { "ramp-case-1-state-0.90-20000", "ramp-case-2-state-0.90-20000", "ramp-case-3-speeds-up" } },
+      { "ramp-case-1-state-1.00-3000", "ramp-case-2-state-1.00-3000", "ramp-case-3-speeds-up" } },
     { "roundabout", "Entrants and circulating vehicles at a two-lane roundabout.", 10, roundabout,
       { NULL } },
     { "recorded", "Recorded US-101 traffic with the humans replayed.", 10, recorded, { NULL } },

@@ -40,8 +40,8 @@ static const ramp_case cases[] = {
 enum { case_count = sizeof cases / sizeof cases[0] };
 
 /// Initial states: the authors' of Case 1 and of Case 2 differ in vehicle 2 only (20 m and
-/// 7 m/s, 15 m and 6 m/s); the others lie on the line between the two, as shares of the way. At 0.9
-/// the best plan of each case is another one, and by so little that 3,000 iterations often miss it.
+/// 7 m/s, 15 m and 6 m/s); the others lie on the line between the two, as shares of the way. From 0.9
+/// on the best plan of each case is another one, by so little that a search may miss it.
 static const struct { double share; double iterations; } states[] = {
     { 0.0, 3000 }, { 0.25, 3000 }, { 0.5, 3000 }, { 0.75, 3000 }, { 0.9, 3000 }, { 0.9, 20000 },
     { 1.0, 3000 },

@@ -13,6 +13,7 @@
 #include "realtime.h"
 #include "reload.h"
 #include "status.h"
+#include "tell.h"
 #include "worker.h"
 
 #include "common/floating.h"
@@ -47,10 +48,7 @@ typedef struct live {
     bool           corrected;    // the floating-point mode, in the running cycle
     bool           correction_told;
     bool           late;         // a tick came while the running cycle was planning
-    rsu_state      told_state;   // in the last status message
-    rsu_fault      told_fault;
-    uint64_t       refusals;     // rx refusals already in the log
-    uint64_t       over_capacity; // the same of these alone
+    teller         teller;
     notify         notify;       // the service manager
     operators      operators;
     status         status;
@@ -70,11 +68,18 @@ static int64_t clock_us(clockid_t clock)
     return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
 }
 
+static instant instant_now(void)
+{
+    return (instant){ .now = clock_us(CLOCK_MONOTONIC), .utime = clock_us(CLOCK_REALTIME) };
+}
+
 int live_run(const live_options* options)
 {
     static live self; // large, and there is one of it
     memset(&self, 0, sizeof self);
     self.options = options;
+    self.teller = (teller){ .setup = &self.now, .cycle = &self.cycle, .status = &self.status,
+                            .notify = &self.notify };
     self.signal_fd = self.cycle_fd = self.status_fd = self.notify.fd = -1;
     const int code = start(&self);
     if (code != 0) {
@@ -293,7 +298,6 @@ static void on_bus(live* self);
 static void on_planned(live* self);
 static void on_tick(live* self);
 static void on_status_due(live* self);
-static void tell_changes(live* self);
 static uint64_t expirations(int timer_fd);
 
 static void loop(live* self)
@@ -324,9 +328,17 @@ static void loop(live* self)
         on_bus(self);
         on_tick(self);
         on_status_due(self);
-        tell_changes(self);
+        tell_changes(&self->teller, instant_now());
         // Last: nothing waits for them.
         operators_serve(&self->operators, clock_us(CLOCK_MONOTONIC));
+    }
+}
+
+static void on_status_due(live* self)
+{
+    if (expirations(self->status_fd) > 0) {
+        tell_periodically(&self->teller, instant_now());
+        operators_write(&self->operators);
     }
 }
 
@@ -513,124 +525,6 @@ static void send_messages(live* self)
     }
 }
 
-// ---- status -------------------------------------------------------------------------------
-
-static void watch_bus(live* self, int64_t now);
-static void send_status(live* self, int64_t now);
-static void tell_manager(live* self, int64_t now);
-
-static void tell_refusals(live* self, const transport_stats* bus);
-static void tell_expiry(live* self);
-
-static void on_status_due(live* self)
-{
-    if (expirations(self->status_fd) == 0) {
-        return;
-    }
-    const int64_t now = clock_us(CLOCK_MONOTONIC);
-    watch_bus(self, now);
-    const uint64_t over_capacity = self->cycle.inbox.counters.rx_over_capacity;
-    if (over_capacity > self->over_capacity) {
-        self->over_capacity = over_capacity;
-        status_fault(&self->status, RSU_FAULT_CAPACITY, now, false);
-        log_event(LOG_WARNING, "over_capacity", "vehicles_max=%u controlled_max=%u",
-                  self->cycle.def.vehicles_max, self->cycle.def.controlled_max);
-    }
-    const transport_stats stats = buses_statistics(&self->now.buses);
-    tell_refusals(self, &stats);
-    tell_expiry(self);
-    send_status(self, now);
-    tell_manager(self, now);
-    operators_write(&self->operators);
-}
-
-/// What `systemctl status` shows.
-static void tell_manager(live* self, int64_t now)
-{
-    const rsu_fault fault = status_worst(&self->status, now);
-    char text[128];
-    snprintf(text, sizeof text, "%s: %u of %u vehicles planned%s%s",
-             rsu_state_name(status_state(&self->status, now)), self->cycle.view.controlled_count,
-             self->cycle.view.count, fault != RSU_FAULT_NONE ? ", fault " : "",
-             fault != RSU_FAULT_NONE ? rsu_fault_name(fault) : "");
-    notify_status(&self->notify, text);
-}
-
-/// One line a second at most, however many states were refused, with what for.
-static void tell_refusals(live* self, const transport_stats* bus)
-{
-    const inbox_counters* rx = &self->cycle.inbox.counters;
-    // Who is heard on two buses says everything twice.
-    const bool several = self->now.buses.count > 1;
-    const uint64_t refusals = rx->rx_stale + rx->rx_future + (several ? 0 : rx->rx_duplicate) +
-                              rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
-                              rx->rx_over_capacity + rx->rx_id_conflict + bus->malformed +
-                              bus->dropped + transport_refused(bus);
-    if (refusals > self->refusals) {
-        log_event(LOG_WARNING, "states_refused",
-                  "new=%" PRIu64 " stale=%" PRIu64 " future=%" PRIu64 " duplicate=%" PRIu64
-                  " out_of_order=%" PRIu64 " out_of_range=%" PRIu64 " off_map=%" PRIu64
-                  " over_capacity=%" PRIu64 " id_conflict=%" PRIu64 " malformed=%" PRIu64
-                  " dropped=%" PRIu64 " strangers=%" PRIu64,
-                  refusals - self->refusals, rx->rx_stale, rx->rx_future, rx->rx_duplicate,
-                  rx->rx_out_of_order, rx->rx_out_of_range, rx->rx_off_map, rx->rx_over_capacity,
-                  rx->rx_id_conflict, bus->malformed, bus->dropped, transport_refused(bus));
-    }
-    self->refusals = refusals;
-}
-
-/// What admits us to a bus ends soon: once a day.
-static void tell_expiry(live* self)
-{
-    buses*        buses = &self->now.buses;
-    const int64_t utime = clock_us(CLOCK_REALTIME);
-    if (buses_expiring(buses, utime)) {
-        log_event(LOG_WARNING, "certificate_expires", "days=%" PRId64 " words=\"%s\"",
-                  buses_days_left(buses->expiry, utime), log_words(buses->expiry_words));
-    }
-}
-
-/// Sends the status at once when its state or fault is not what was told last.
-static void tell_changes(live* self)
-{
-    const int64_t now = clock_us(CLOCK_MONOTONIC);
-    const rsu_state state = status_state(&self->status, now);
-    const rsu_fault fault = status_worst(&self->status, now);
-    if (state != self->told_state || fault != self->told_fault) {
-        log_event(LOG_INFO, "state", "from=%s to=%s fault=%s", rsu_state_name(self->told_state),
-                  rsu_state_name(state), rsu_fault_name(fault));
-        send_status(self, now);
-    }
-}
-
-static verge_rsu_status_t status_now(const live* self, int64_t now)
-{
-    const transport_stats stats = buses_statistics(&self->now.buses);
-    return status_message(&self->status, self->now.config, &self->cycle, &stats,
-                          clock_us(CLOCK_REALTIME), now);
-}
-
-static void send_status(live* self, int64_t now)
-{
-    const verge_rsu_status_t message = status_now(self, now);
-    buses_publish_status(&self->now.buses, &message);
-    self->told_state = (rsu_state)message.state;
-    self->told_fault = (rsu_fault)message.fault;
-}
-
-/// The transport keeps trying by itself when the bus goes away; this says so.
-static void watch_bus(live* self, int64_t now)
-{
-    for (uint32_t bus = 0; bus < self->now.buses.count; bus++) {
-        const uint64_t errors = buses_trouble(&self->now.buses, bus);
-        if (errors > 0) {
-            status_fault(&self->status, RSU_FAULT_BUS, now, false);
-            log_event(LOG_WARNING, "bus_trouble", "errors=%" PRIu64 " bus=%s action=keeps_trying",
-                      errors, self->now.config->bus[bus]);
-        }
-    }
-}
-
 // ---- operators ----------------------------------------------------------------------------
 
 static operators_view look(void* context)
@@ -639,24 +533,9 @@ static operators_view look(void* context)
     return (operators_view){
         .config = self->now.config,
         .cycle = &self->cycle,
-        .status = status_now(self, clock_us(CLOCK_MONOTONIC)),
+        .status = tell_message(&self->teller, instant_now()),
         .bus = buses_statistics(&self->now.buses),
     };
-}
-
-/// On SIGUSR1: what has been counted so far, on one line.
-static void log_statistics(const live* self)
-{
-    const verge_rsu_status_t status = status_now(self, clock_us(CLOCK_MONOTONIC));
-    log_event(LOG_ALWAYS, "statistics",
-              "state=%s fault=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
-              "cycle_us_max=%d deadline_misses=%d plans=%d fallbacks=%d overruns=%" PRIu64
-              " rx_accepted=%d arena_peak_bytes=%" PRId64 " nodes_peak=%d",
-              rsu_state_name((rsu_state)status.state), rsu_fault_name((rsu_fault)status.fault),
-              status.cycle, status.vehicles_seen, status.vehicles_controlled, status.cycle_us_p99,
-              status.cycle_us_max, status.deadline_misses, status.plans_sent, status.fallbacks,
-              self->cycle.counters.overruns, status.rx_accepted, status.arena_peak_bytes,
-              status.nodes_peak);
 }
 
 // ---- signals, new configuration -----------------------------------------------------------
@@ -670,7 +549,7 @@ static bool on_signals(live* self)
         if (info.ssi_signo == SIGHUP) {
             reload(self, error);
         } else if (info.ssi_signo == SIGUSR1) {
-            log_statistics(self);
+            tell_statistics(&self->teller, instant_now());
         } else {
             log_event(LOG_INFO, "stopping", "signal=%s",
                       info.ssi_signo == SIGTERM ? "SIGTERM" : "SIGINT");
@@ -742,7 +621,7 @@ static int stop(live* self)
     cycle_cancel_all(&self->cycle, self->cycle_count, clock_us(CLOCK_REALTIME));
     send_messages(self);
     self->status.stopping = true;
-    send_status(self, clock_us(CLOCK_MONOTONIC));
+    tell_status(&self->teller, instant_now());
     operators_write(&self->operators);
     log_event(LOG_INFO, "stopped",
               "cycles=%" PRId64 " plans=%" PRIu64 " fallbacks=%" PRIu64 " deadline_misses=%" PRIu64,

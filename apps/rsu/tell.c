@@ -1,0 +1,136 @@
+#include "tell.h"
+
+#include "log.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+
+verge_rsu_status_t tell_message(const teller* self, instant at)
+{
+    const transport_stats stats = buses_statistics(&self->setup->buses);
+    return status_message(self->status, self->setup->config, self->cycle, &stats, at.utime,
+                          at.now);
+}
+
+void tell_status(teller* self, instant at)
+{
+    const verge_rsu_status_t message = tell_message(self, at);
+    buses_publish_status(&self->setup->buses, &message);
+    self->state = (rsu_state)message.state;
+    self->fault = (rsu_fault)message.fault;
+}
+
+void tell_changes(teller* self, instant at)
+{
+    const rsu_state state = status_state(self->status, at.now);
+    const rsu_fault fault = status_worst(self->status, at.now);
+    if (state != self->state || fault != self->fault) {
+        log_event(LOG_INFO, "state", "from=%s to=%s fault=%s", rsu_state_name(self->state),
+                  rsu_state_name(state), rsu_fault_name(fault));
+        tell_status(self, at);
+    }
+}
+
+// ---- once a second ------------------------------------------------------------------------
+
+static void tell_trouble(teller* self, instant at);
+static void tell_over_capacity(teller* self, instant at);
+static void tell_refusals(teller* self);
+static void tell_expiry(teller* self, instant at);
+static void tell_manager(teller* self, instant at);
+
+void tell_periodically(teller* self, instant at)
+{
+    tell_trouble(self, at);
+    tell_over_capacity(self, at);
+    tell_refusals(self);
+    tell_expiry(self, at);
+    tell_status(self, at);
+    tell_manager(self, at);
+}
+
+/// The transport keeps trying by itself when the bus goes away; this says so.
+static void tell_trouble(teller* self, instant at)
+{
+    for (uint32_t bus = 0; bus < self->setup->buses.count; bus++) {
+        const uint64_t errors = buses_trouble(&self->setup->buses, bus);
+        if (errors > 0) {
+            status_fault(self->status, RSU_FAULT_BUS, at.now, false);
+            log_event(LOG_WARNING, "bus_trouble", "errors=%" PRIu64 " bus=%s action=keeps_trying",
+                      errors, self->setup->config->bus[bus]);
+        }
+    }
+}
+
+static void tell_over_capacity(teller* self, instant at)
+{
+    const uint64_t over_capacity = self->cycle->inbox.counters.rx_over_capacity;
+    if (over_capacity > self->over_capacity) {
+        self->over_capacity = over_capacity;
+        status_fault(self->status, RSU_FAULT_CAPACITY, at.now, false);
+        log_event(LOG_WARNING, "over_capacity", "vehicles_max=%u controlled_max=%u",
+                  self->cycle->def.vehicles_max, self->cycle->def.controlled_max);
+    }
+}
+
+/// One line a second at most, however many states were refused, with what for.
+static void tell_refusals(teller* self)
+{
+    const transport_stats stats = buses_statistics(&self->setup->buses);
+    const inbox_counters* rx = &self->cycle->inbox.counters;
+    // Who is heard on two buses says everything twice.
+    const bool several = self->setup->buses.count > 1;
+    const uint64_t refusals = rx->rx_stale + rx->rx_future + (several ? 0 : rx->rx_duplicate) +
+                              rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
+                              rx->rx_over_capacity + rx->rx_id_conflict + stats.malformed +
+                              stats.dropped + transport_refused(&stats);
+    if (refusals > self->refusals) {
+        log_event(LOG_WARNING, "states_refused",
+                  "new=%" PRIu64 " stale=%" PRIu64 " future=%" PRIu64 " duplicate=%" PRIu64
+                  " out_of_order=%" PRIu64 " out_of_range=%" PRIu64 " off_map=%" PRIu64
+                  " over_capacity=%" PRIu64 " id_conflict=%" PRIu64 " malformed=%" PRIu64
+                  " dropped=%" PRIu64 " strangers=%" PRIu64,
+                  refusals - self->refusals, rx->rx_stale, rx->rx_future, rx->rx_duplicate,
+                  rx->rx_out_of_order, rx->rx_out_of_range, rx->rx_off_map, rx->rx_over_capacity,
+                  rx->rx_id_conflict, stats.malformed, stats.dropped, transport_refused(&stats));
+    }
+    self->refusals = refusals;
+}
+
+/// What admits us to a bus ends soon: once a day.
+static void tell_expiry(teller* self, instant at)
+{
+    buses* buses = &self->setup->buses;
+    if (buses_expiring(buses, at.utime)) {
+        log_event(LOG_WARNING, "certificate_expires", "days=%" PRId64 " words=\"%s\"",
+                  buses_days_left(buses->expiry, at.utime), log_words(buses->expiry_words));
+    }
+}
+
+/// What `systemctl status` shows.
+static void tell_manager(teller* self, instant at)
+{
+    const rsu_fault fault = status_worst(self->status, at.now);
+    char text[128];
+    snprintf(text, sizeof text, "%s: %u of %u vehicles planned%s%s",
+             rsu_state_name(status_state(self->status, at.now)), self->cycle->view.controlled_count,
+             self->cycle->view.count, fault != RSU_FAULT_NONE ? ", fault " : "",
+             fault != RSU_FAULT_NONE ? rsu_fault_name(fault) : "");
+    notify_status(self->notify, text);
+}
+
+// ---- when asked ---------------------------------------------------------------------------
+
+void tell_statistics(const teller* self, instant at)
+{
+    const verge_rsu_status_t status = tell_message(self, at);
+    log_event(LOG_ALWAYS, "statistics",
+              "state=%s fault=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
+              "cycle_us_max=%d deadline_misses=%d plans=%d fallbacks=%d overruns=%" PRIu64
+              " rx_accepted=%d arena_peak_bytes=%" PRId64 " nodes_peak=%d",
+              rsu_state_name((rsu_state)status.state), rsu_fault_name((rsu_fault)status.fault),
+              status.cycle, status.vehicles_seen, status.vehicles_controlled, status.cycle_us_p99,
+              status.cycle_us_max, status.deadline_misses, status.plans_sent, status.fallbacks,
+              self->cycle->counters.overruns, status.rx_accepted, status.arena_peak_bytes,
+              status.nodes_peak);
+}

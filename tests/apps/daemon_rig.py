@@ -1,4 +1,5 @@
 """What the tests of the daemon as a service share: no bus, no types, only processes and sockets."""
+import argparse
 import json
 import os
 import pathlib
@@ -38,6 +39,8 @@ def wait_for(condition, what, seconds=20):
 class Rig:
     """Binaries and a folder of its own."""
 
+    BUS, CYCLE_MS = "loop:", 50 # of the configurations it writes
+
     def __init__(self, binaries, folder):
         self.bin = pathlib.Path(binaries).resolve()
         self.folder = pathlib.Path(folder)
@@ -47,8 +50,8 @@ class Rig:
         return b"__asan_init" in (self.bin / "verge-rsu").read_bytes()
 
     def config(self, name="rsu.json", **changes):
-        document = {"format": "verge-rsu/1", "rsu_id": 5, "bus": "loop:", "road": ROAD,
-                    "cycle_ms": 50, "planner": dict(QUICK)}
+        document = {"format": "verge-rsu/1", "rsu_id": 5, "bus": self.BUS, "road": ROAD,
+                    "cycle_ms": self.CYCLE_MS, "planner": dict(QUICK)}
         document.update(changes)
         path = self.folder / name
         path.write_text(json.dumps({k: v for k, v in document.items() if v is not None}))
@@ -154,15 +157,24 @@ class Manager:
         return came
 
 
-def run_cases(cases, binaries, only=""):
-    """Each case in a folder of its own; the process's exit code."""
+def case_arguments():
+    """What every file of cases is called with."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--lcm-python")
+    parser.add_argument("--only", default="")
+    return parser.parse_args()
+
+
+def run_cases(cases, binaries, only="", kind=Rig):
+    """Each case in a folder of its own, on a rig of this kind; the process's exit code."""
     failed = 0
     for case in cases:
         if only not in case.__name__:
             continue
         began = time.monotonic()
         with tempfile.TemporaryDirectory() as name:
-            rig = Rig(binaries, name)
+            rig = kind(binaries, name)
             try:
                 word = case(rig) or "ok"
             except (AssertionError, subprocess.TimeoutExpired, OSError) as trouble:

@@ -22,7 +22,8 @@ import threading
 import time
 
 import e2e_lcm
-from e2e_lcm import CANCELLED, SOURCE, URL, Bus, Daemon, Vehicle, check, crc, signed, skip
+from e2e_lcm import (CANCELLED, SOURCE, URL, Bus, Daemon, Vehicle, check, crc, shared_library, signed,
+                     skip)
 
 DDS = "dds:0"
 ID_CONFLICT = 6
@@ -356,10 +357,7 @@ def every_message_fits_one_frame(rig):
 
 
 def the_planning_thread_allocates_nothing(rig):
-    guard = rig.folder / "guard.so"
-    source = SOURCE / "tests/support/heap_guard.c"
-    subprocess.run(["cc", "-O1", "-shared", "-fPIC", "-fno-builtin", "-o", guard, source],
-                   check=True)
+    guard = shared_library(rig, "heap_guard")
     config = rig.config(bus=DDS, cycle_ms=20, planner=dict(e2e_lcm.QUICK, iterations=20))
     for thread, expected in (("verge-plan", True), ("verge-rsu", False)):
         counts = rig.folder / f"heap-{thread}.txt"

@@ -7,7 +7,6 @@ the Python package lcm, lcm-gen or a private network is missing on this machine.
 Every case is a function named like its claim. Types come from transport/types/verge.lcm by
 lcm-gen, so field names, order and checksums are compared with an implementation not ours.
 """
-import argparse
 import collections
 import json
 import math
@@ -26,91 +25,24 @@ import time
 import urllib.request
 import zlib
 
-from daemon_rig import shared_library
+import daemon_rig
+from daemon_rig import (QUICK, SOURCE, Daemon, case_arguments, check, run_cases,
+                        shared_library)
 
-SOURCE = pathlib.Path(__file__).resolve().parents[2]
 URL = "udpm://239.255.76.67:7667?ttl=0"
 GROUP = ("239.255.76.67", 7667)
 CANCELLED = 3
 OVERRUN = 6 # a reason
-
-# Two straight lanes of 2 km.
-ROAD = {"lanes": [
-    {"id": 0, "centerline": [[0, 0], [1900, 0]], "width": 3.75, "speed_limit": 25.0,
-     "left": 1, "right": None},
-    {"id": 1, "centerline": [[0, 3.75], [1900, 3.75]], "width": 3.75, "speed_limit": 25.0,
-     "left": None, "right": 0}]}
-# A small budget: these cases are about the daemon, not about how good its plans are.
-QUICK = {"iterations": 60, "nodes_max": 256, "sample_speeds": 3, "sample_offsets": 8}
-
 
 def skip(why):
     print("SKIPPED: " + why, file=sys.stderr)
     sys.exit(77)
 
 
-def check(good, what):
-    if not good:
-        raise AssertionError(what)
+class Rig(daemon_rig.Rig):
+    """On LCM, ten cycles a second."""
 
-
-class Rig:
-    """What the cases share: binaries, a folder, types."""
-
-    def __init__(self, binaries, folder):
-        self.bin = pathlib.Path(binaries)
-        self.folder = folder
-
-    def config(self, name="rsu.json", **changes):
-        document = {"format": "verge-rsu/1", "rsu_id": 5, "bus": "lcm:" + URL, "road": ROAD,
-                    "cycle_ms": 100, "planner": dict(QUICK)}
-        document.update(changes)
-        path = self.folder / name
-        path.write_text(json.dumps({k: v for k, v in document.items() if v is not None}))
-        return path
-
-    def run(self, *args, **kwargs):
-        """A program to its end: (exit code, standard output, standard error)."""
-        done = subprocess.run([str(a) for a in args], capture_output=True, text=True, timeout=60,
-                              **kwargs)
-        return done.returncode, done.stdout, done.stderr
-
-
-class Daemon:
-    """A running verge-rsu that has said READY."""
-
-    def __init__(self, rig, config, *options, env=None):
-        self.log = open(rig.folder / "rsu.log", "w+b")
-        self.process = subprocess.Popen(
-            [str(rig.bin / "verge-rsu"), "--config", str(config), *map(str, options)],
-            stderr=self.log, stdout=subprocess.DEVNULL, env=env)
-        until = time.monotonic() + 20
-        while "READY" not in self.text():
-            check(self.process.poll() is None, "verge-rsu ended before READY:\n" + self.text())
-            check(time.monotonic() < until, "no READY within 20 s:\n" + self.text())
-            time.sleep(0.02)
-
-    def text(self):
-        return pathlib.Path(self.log.name).read_text()
-
-    def signal(self, number):
-        self.process.send_signal(number)
-
-    def stop(self):
-        """SIGTERM: (seconds it took, exit code)."""
-        began = time.monotonic()
-        self.signal(signal.SIGTERM)
-        code = self.process.wait(timeout=20)
-        return time.monotonic() - began, code
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-        self.log.close()
+    BUS, CYCLE_MS = "lcm:" + URL, 100
 
 
 class Bus:
@@ -545,10 +477,7 @@ def when_the_bus_comes_back_so_do_plans_within_two_cycles(rig):
 
 
 def a_thousand_cycles_allocate_nothing(rig):
-    guard = rig.folder / "guard.so"
-    source = SOURCE / "tests/support/heap_guard.c"
-    subprocess.run(["cc", "-O1", "-shared", "-fPIC", "-fno-builtin", "-o", guard, source],
-                   check=True)
+    guard = shared_library(rig, "heap_guard")
     counts = rig.folder / "heap.txt"
     env = dict(os.environ, LD_PRELOAD=str(guard), HEAP_GUARD_FILE=str(counts))
     with socket.socket() as probe:
@@ -656,39 +585,19 @@ def enter_network():
 
 def main(cases):
     """Runs the cases in a private network. Other files with cases on an LCM bus call it, too."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--bin", required=True)
-    parser.add_argument("--lcm-python")
-    parser.add_argument("--only", default="")
-    args = parser.parse_args()
+    args = case_arguments()
     if shutil.which("lcm-gen") is None or shutil.which("lcm-logger") is None:
         skip("lcm-gen or lcm-logger is missing (tools/setup installs them)")
     enter_network()
     enter_lcm_python(args.lcm_python)
-    failed = 0
     with tempfile.TemporaryDirectory() as name:
-        folder = pathlib.Path(name)
         subprocess.run(["lcm-gen", "-p", "--ppath", name, SOURCE / "transport/types/verge.lcm"],
                        check=True)
         sys.path.insert(0, name)
         global lcm, verge
         import lcm
         import verge
-        for case in cases:
-            if args.only not in case.__name__:
-                continue
-            began = time.monotonic()
-            try:
-                case(Rig(args.bin, folder))
-                word = "ok"
-            except (AssertionError, subprocess.TimeoutExpired) as trouble:
-                failed += 1
-                word = f"FAILED: {trouble}"
-                log = folder / "rsu.log"
-                if log.exists():
-                    print(log.read_text()[-3000:], file=sys.stderr)
-            print(f"{time.monotonic() - began:5.1f} s  {case.__name__}: {word}", flush=True)
-    return 1 if failed else 0
+        return run_cases(cases, args.bin, args.only, Rig)
 
 
 if __name__ == "__main__":

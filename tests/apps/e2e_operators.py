@@ -5,7 +5,6 @@
 Every case is a function named like its claim. The bus is loop:, which needs no network; that
 vehicles and plans are shown is tested in e2e_echo.py.
 """
-import argparse
 import json
 import os
 import resource
@@ -18,7 +17,7 @@ import time
 import urllib.error
 import urllib.request
 
-from daemon_rig import QUICK, ROAD, Daemon, check, run_cases, wait_for
+from daemon_rig import QUICK, ROAD, Daemon, check, case_arguments, run_cases, wait_for
 
 
 def ctl(rig, *args):
@@ -320,9 +319,5 @@ CASES = [
 ]
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--bin", required=True)
-    parser.add_argument("--lcm-python")
-    parser.add_argument("--only", default="")
-    args = parser.parse_args()
+    args = case_arguments()
     sys.exit(run_cases(CASES, args.bin, args.only))

@@ -7,7 +7,6 @@ Signatures are made and checked here by Python's own hmac, the frames by hand; c
 from tools/certs. Exit status 0: all held; 1: something did not; 77: skipped, because lcm-gen, the
 program openssl or a private network is missing on this machine.
 """
-import argparse
 import hashlib
 import hmac
 import json
@@ -23,8 +22,8 @@ import tempfile
 import time
 
 import e2e_lcm
-from daemon_rig import (Daemon, QUICK, Rig, SOURCE, check, run_cases, shared_library,
-                        wait_for)
+from daemon_rig import (Daemon, QUICK, Rig, SOURCE, case_arguments, check, run_cases,
+                        shared_library, wait_for)
 
 GROUP = ("239.255.76.67", 7667)
 URL = "lcm:udpm://239.255.76.67:7667?ttl=0"
@@ -580,11 +579,7 @@ DDS_CASES = [
 
 
 def main():
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--bin", required=True)
-    parser.add_argument("--lcm-python") # given to every test of a program; Python's lcm is not used
-    parser.add_argument("--only", default="")
-    args = parser.parse_args()
+    args = case_arguments() # Python's lcm is not used
     for tool in ("lcm-gen", "openssl"):
         if shutil.which(tool) is None:
             e2e_lcm.skip(f"{tool} is missing (tools/setup installs it)")

@@ -5,7 +5,6 @@
 Every case is a function named like its claim. The bus is loop:, which needs no network: cycles
 run, and there is nobody to plan for.
 """
-import argparse
 import json
 import os
 import re
@@ -14,8 +13,8 @@ import subprocess
 import sys
 import time
 
-from daemon_rig import (QUICK, SOURCE, Daemon, Manager, check, run_cases, shared_library,
-                        wait_for)
+from daemon_rig import (QUICK, SOURCE, Daemon, Manager, case_arguments, check, run_cases,
+                        shared_library, wait_for)
 
 
 # ---- the service manager ------------------------------------------------------------------
@@ -300,9 +299,5 @@ CASES = [
 ]
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--bin", required=True)
-    parser.add_argument("--lcm-python")
-    parser.add_argument("--only", default="")
-    args = parser.parse_args()
+    args = case_arguments()
     sys.exit(run_cases(CASES, args.bin, args.only))

@@ -15,7 +15,7 @@
 #define FIRST_TRIES_MAX 6
 /// Sub-steps per point of the exact limit check: 10 ms at 0.1 s.
 #define LIMIT_PARTS 10
-/// Below this speed the jerk limit is off. [m/s]
+/// Below this speed brakes may be released faster than the jerk limit. [m/s]
 #define JOLT_SPEED 0.5
 /// Deceleration a dead end may ask for where comfort is dropped. [m/s^2] dry road
 #define DEAD_END_BRAKING 8.0
@@ -263,8 +263,9 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
     return d > 0.5 * job->road->lanes[lane].width && d > d0;
 }
 
-/// The car's limits between the points too, and the jerk brakes can build up; the last jolt of a
-/// stop is free, for one that brakes hard at walking speed has no other way to end it.
+/// The car's limits between the points too, and the jerk that brakes can build up. A stop may end
+/// with a jolt: at walking speed the braking force may vanish faster than the jerk limit, but not
+/// appear.
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset)
 {
@@ -272,7 +273,8 @@ static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, con
     for (uint32_t i = 1; i <= count; i += 1) {
         const vg_row row = vg_leg_row(leg, def->point_s * i / LIMIT_PARTS);
         const vg_rear rear = vg_rear_of(&row, offset);
-        const bool jolts = vg_abs(row.s_ttt) > VG_JERK_MAX && row.s_t > JOLT_SPEED;
+        const bool jolts = row.s_ttt < -VG_JERK_MAX
+                        || (row.s_ttt > VG_JERK_MAX && row.s_t > JOLT_SPEED);
         if (jolts || !(vg_hard_ratio(&rear, row.s_t) <= 1.0)) {
             return false;
         }

@@ -70,8 +70,10 @@ static void test_every_accepted_trajectory_passes_the_strict_judge(void** state)
     uint32_t planned = 0;
     for (uint32_t round = 0; round < rounds; round += 1) {
         scene* w = random_scene(&rng);
-        assert_true(scene_run(w) > 0);
+        const uint64_t evaluated = scene_run(w);
         const verge_vehicle_plan* plan = &w->plans[0];
+        // A slow body that drifts stands across its lane and may overlap from the start.
+        assert_true(evaluated > 0 || plan->reason == VERGE_REASON_OVERLAP_NOW);
         char what[80];
         snprintf(what, sizeof what, "scene %u, status %d, reason %d", round, (int)plan->status,
                  (int)plan->reason);
@@ -157,6 +159,24 @@ static void test_a_vehicle_at_rest_stays_at_rest_behind_another(void** state)
     CHECK_NEAR(plan->points[w->def.points - 1].x, plan->points[0].x, 0.3);
     check_drivable(w, 0, "rest");
     scene_free(w);
+}
+
+static void test_brakes_take_their_time_at_walking_speed_too(void** state)
+{
+    (void)state;
+    for (double v = 0.01; v <= 0.5; v += 0.01) {
+        scene* w = scene_make(0.0, 0.0);
+        vg_job* job = scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, 0.0);
+        job->segments[0].t1 = 1.5; // a short step asks for a short stop
+        job->segments[1] = job->segments[0];
+        job->segments[1].t1 = 3.0;
+        job->segment_count = 2;
+        scene_track(w, 36.0, SCENE_WIDTH, 0.0, 0.0);
+        scene_run(w);
+        assert_int_equal(w->plans[0].status, VERGE_PLANNED);
+        check_drivable(w, 0, "walking speed");
+        scene_free(w);
+    }
 }
 
 static void test_a_vehicle_starts_from_rest_when_told_to_accelerate(void** state)
@@ -394,6 +414,7 @@ int main(void)
         cmocka_unit_test(test_a_lane_change_ends_in_the_other_lane),
         cmocka_unit_test(test_a_slow_vehicle_changes_lanes_as_far_as_its_steering_follows),
         cmocka_unit_test(test_a_vehicle_at_rest_stays_at_rest_behind_another),
+        cmocka_unit_test(test_brakes_take_their_time_at_walking_speed_too),
         cmocka_unit_test(test_a_vehicle_starts_from_rest_when_told_to_accelerate),
         cmocka_unit_test(test_a_vehicle_stops_behind_a_standing_one),
         cmocka_unit_test(test_the_standstill_gap_is_kept_behind_a_standing_body),

@@ -816,6 +816,27 @@ static void test_garbage_in_a_log_costs_only_the_events_it_hits(void** state)
     }
 }
 
+static void test_a_damaged_length_in_a_log_costs_one_event(void** state)
+{
+    (void)state;
+    static uint8_t  bytes[4096];
+    transport_stats stats;
+    record_ten();
+    const size_t size = file_read(bytes, sizeof bytes);
+    for (size_t event = 0; event < size;) {
+        const size_t next = event + 28 + codec_get_u32(bytes + event + 20) +
+                            codec_get_u32(bytes + event + 24);
+        for (uint32_t bit = 0; bit < 64; ++bit) { // of both lengths
+            uint8_t* byte = bytes + event + 20 + bit / 8;
+            *byte ^= (uint8_t)(1u << bit % 8);
+            file_write(bytes, size);
+            assert_true(log_states(&stats) >= 9);
+            *byte ^= (uint8_t)(1u << bit % 8);
+        }
+        event = next;
+    }
+}
+
 static void test_a_logs_big_foreign_events_are_skipped(void** state)
 {
     (void)state;
@@ -1124,6 +1145,7 @@ int main(void)
         cmocka_unit_test(test_a_log_is_lcms_event_format),
         cmocka_unit_test(test_a_log_cut_anywhere_gives_every_whole_event),
         cmocka_unit_test(test_garbage_in_a_log_costs_only_the_events_it_hits),
+        cmocka_unit_test(test_a_damaged_length_in_a_log_costs_one_event),
         cmocka_unit_test(test_a_logs_big_foreign_events_are_skipped),
         cmocka_unit_test(test_lcm_logplayer_plays_our_log_to_our_receiver),
         cmocka_unit_test(test_we_read_what_lcm_logger_heard_of_us),

@@ -6,6 +6,8 @@
 ///
 /// Reading     What is not an event is skipped up to the next sync word that begins one and
 ///             counted once as malformed; a file cut off in the middle of an event just ends.
+///             A damaged length costs its own event only: one that reaches into the next event
+///             is refused, see event_holds_another().
 /// Writing     Events reach the file with each mark and at close: a log is complete up to its
 ///             last whole cycle whatever happens to the program.
 #include "backend.h"
@@ -30,6 +32,7 @@ typedef struct log_file {
     bool      recording;
     bool      ended;
     bool      in_garbage;   ///< the trouble at this place is counted already
+    bool      behind_sync;  ///< the next event's sync word is read already
     int64_t   size;         ///< [B] of the file when it was opened for reading
     uint64_t  event_number; ///< of the next event written
     uint8_t   payload[PAYLOAD_ROOM];
@@ -39,11 +42,15 @@ typedef struct log_file {
 typedef struct event_header {
     int64_t  utime;
     uint32_t channel_length, payload_size;
+    int64_t  end; ///< [B] from the beginning of the file
 } event_header;
 
 static bool        sync_find(log_file* self);
 static take_result event_refuse(log_file* self, int64_t resume_at);
 static bool        event_read(log_file* self, int64_t start, packet* packet);
+static bool        header_read(log_file* self, int64_t start, event_header* header);
+static bool        event_body_read(log_file* self, const event_header* header, packet* packet);
+static bool        event_holds_another(log_file* self, int64_t start, int64_t end);
 
 static int log_open(void** self, const char* rest, unsigned receive,
                     const transport_options* options, counters* counts, char* error,
@@ -144,6 +151,10 @@ static int log_send(void* self, int64_t utime, const char* channel, const uint8_
 /// Reads on until behind the next sync word. False at the end of the file.
 static bool sync_find(log_file* self)
 {
+    if (self->behind_sync) {
+        self->behind_sync = false;
+        return true;
+    }
     uint32_t window = 0;
     for (uint64_t read = 0;; ++read) {
         const int byte = getc(self->file);
@@ -178,34 +189,70 @@ static take_result event_refuse(log_file* self, int64_t resume_at)
 /// Reads the event whose sync word ends at start. False: it is none, or not all of it is there.
 static bool event_read(log_file* self, int64_t start, packet* packet)
 {
+    event_header header;
+    if (!header_read(self, start, &header) || !event_body_read(self, &header, packet)) {
+        return false;
+    }
+    uint8_t behind[4];
+    self->behind_sync = fread(behind, sizeof behind, 1, self->file) == 1 &&
+                        codec_get_u32(behind) == sync_word;
+    return self->behind_sync || !event_holds_another(self, start, header.end);
+}
+
+/// False: no event has such a header, or the file ends before the event does.
+static bool header_read(log_file* self, int64_t start, event_header* header)
+{
     uint8_t bytes[EVENT_HEADER_SIZE - 4];
     if (fread(bytes, sizeof bytes, 1, self->file) != 1) {
         return false;
     }
-    const event_header header = {
-        .utime = (int64_t)codec_get_u64(bytes + 8),
-        .channel_length = codec_get_u32(bytes + 16),
-        .payload_size = codec_get_u32(bytes + 20),
-    };
-    const int64_t end = start + (int64_t)sizeof bytes + header.channel_length +
-                        header.payload_size;
-    if (header.utime < 0 || header.channel_length == 0 ||
-        header.channel_length > CHANNEL_SIZE_MAX || end > self->size) {
+    header->utime = (int64_t)codec_get_u64(bytes + 8);
+    header->channel_length = codec_get_u32(bytes + 16);
+    header->payload_size = codec_get_u32(bytes + 20);
+    header->end = start + (int64_t)sizeof bytes + header->channel_length + header->payload_size;
+    return header->utime >= 0 && header->channel_length > 0 &&
+           header->channel_length <= CHANNEL_SIZE_MAX && header->end <= self->size;
+}
+
+static bool event_body_read(log_file* self, const event_header* header, packet* packet)
+{
+    if (fread(packet->channel, header->channel_length, 1, self->file) != 1) {
         return false;
     }
-    if (fread(packet->channel, header.channel_length, 1, self->file) != 1) {
-        return false;
-    }
-    packet->channel[header.channel_length] = '\0';
-    packet->truncated = header.payload_size > PAYLOAD_ROOM;
-    packet->size = packet->truncated ? PAYLOAD_ROOM : header.payload_size;
+    packet->channel[header->channel_length] = '\0';
+    packet->truncated = header->payload_size > PAYLOAD_ROOM;
+    packet->size = packet->truncated ? PAYLOAD_ROOM : header->payload_size;
     packet->payload = self->payload;
-    packet->utime = header.utime;
+    packet->utime = header->utime;
     packet->sender = 0;
     if (packet->size > 0 && fread(self->payload, packet->size, 1, self->file) != 1) {
         return false;
     }
-    return !packet->truncated || fseeko(self->file, end, SEEK_SET) == 0;
+    return !packet->truncated || fseeko(self->file, header->end, SEEK_SET) == 0;
+}
+
+/// Does another event begin between start and end? No sync word follows the event that ends at
+/// `end`: either garbage follows it, or one of its lengths is damaged. In the second case it
+/// covers the beginning of the event behind it. Leaves the file at end where none begins.
+static bool event_holds_another(log_file* self, int64_t start, int64_t end)
+{
+    bool seeks = fseeko(self->file, start, SEEK_SET) == 0;
+    uint32_t window = 0;
+    for (int64_t at = start; seeks && at < end + 3; ++at) {
+        const int byte = getc(self->file);
+        if (byte == EOF) {
+            break;
+        }
+        window = window << 8 | (uint32_t)byte;
+        event_header header;
+        if (at >= start + 3 && window == sync_word) {
+            if (header_read(self, at + 1, &header)) {
+                return true;
+            }
+            seeks = fseeko(self->file, at + 1, SEEK_SET) == 0;
+        }
+    }
+    return !seeks || fseeko(self->file, end, SEEK_SET) != 0;
 }
 
 const backend backend_log = {

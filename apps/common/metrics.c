@@ -18,7 +18,7 @@ static void times_write(FILE* out, const metrics* self, const char* name, size_t
 static void timing_write(FILE* out, const metrics* self);
 static int  by_value(const void* a, const void* b);
 
-/// Reached: this close to the centreline. [m] The contract's.
+/// A vehicle has reached its target lane when its centre is this close to the centreline. [m]
 static const double REACHED_OFFSET = 0.5;
 /// The paper's gap: among vehicles this close laterally, less one car's length. [m]
 static const double GAP_LATERAL = 2.0;

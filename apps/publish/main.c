@@ -21,7 +21,7 @@
 #include <time.h>
 
 enum {
-    EXIT_UNAVAILABLE = 69, // contract: no bus
+    EXIT_UNAVAILABLE = 69, // no bus; EX_UNAVAILABLE of sysexits
     TICK_US = 1000000 / WORLD_TICKS_PER_SECOND,
     DRAIN_BATCH = 32,
 };

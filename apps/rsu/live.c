@@ -33,7 +33,7 @@ enum {
     DRAIN_BATCH = 64,
     DRAIN_ROUNDS_MAX = 64,   // before a cycle: the whole socket buffer, but not a flood's length
     OWN_ENDS = 4,            // descriptors of the loop itself: signals, planning, timers
-    STATUS_PERIOD_MS = 1000, // contract: 1 Hz and on change
+    STATUS_PERIOD_MS = 1000, // and on each change of state or fault
 };
 
 typedef struct live {
@@ -273,7 +273,7 @@ static int open_operators(live* self)
     return realtime_lock(service, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
-/// One line for people, as the contract words it, without the log's decoration.
+/// Prints one line for people, not in the form of the log, and returns the code.
 static int fail(int code, const char* line)
 {
     const size_t size = strlen(line);
@@ -628,8 +628,8 @@ static int stop(live* self)
               self->cycle_count, self->cycle.counters.plans, self->cycle.counters.fallbacks,
               self->status.deadline_misses);
     if (worker_busy(self->worker)) {
-        // The contract gives us a second; a planning step may take longer, and nobody needs its
-        // plan any more. The recording is complete without it.
+        // The daemon stops within one second. A planning step may take longer, and its plan is not
+        // needed any more. The recording is complete without it.
         transport_close(self->record);
         operators_close(&self->operators);
         _exit(0);

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """verge-plan, verge-sim, verge-replay and verge-bench from outside: their documents, their exit codes, their bytes.
 
-Reads what they print with Python's own json and mathematics, and holds it against the contract.
+Reads what they print with Python's own json and mathematics, and checks it.
 Usage: e2e_cli.py --bin DIR [--scenarios DIR]
 """
 import argparse
@@ -204,7 +204,7 @@ def main():
         run(os.path.join(options.bin, "verge-bench"), "--quick", "--scenarios", folder, status=2)
         left = sorted(os.listdir(folder))
         assert left == ["a.jsonl", "b.jsonl", "broken.json"], f"left behind: {left}"
-    print(f"{len(names)} scenarios, plan documents, run files, exit codes: as the contract says")
+    print(f"{len(names)} scenarios, plan documents, run files, exit codes: as documented")
     return 0
 
 

@@ -3,10 +3,12 @@
 
 Verge plans and drives every recorded case; an independent judge finds no overlap within a plan
 document, no trajectory a car could not drive, no contact between controlled vehicles, and no
-recorded vehicle that a controlled one runs into. How many intentions are reached is told, not
-judged: the recorded drivers make no room.
-Exit 77 where the recordings are absent: VERGE_SHARED/data/us101, by default ../shared beside the
-repository. Usage: e2e_us101.py --bin DIR
+recorded vehicle that a controlled one runs into. The number of reached intentions is printed, but no
+condition: the recorded drivers do not react, so a lane change may be impossible.
+
+The recordings are not part of the repository. The test looks for them in VERGE_SHARED/data/us101
+(default: ../shared/data/us101 beside the repository). Without them it is skipped (exit 77).
+Usage: e2e_us101.py --bin DIR
 """
 import argparse
 import json

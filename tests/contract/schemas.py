@@ -2,8 +2,8 @@
 
     schemas.py SOURCE_DIR
 
-Same structs, same fields, in the same order, of the same types and array sizes; the keys are those
-the contract names; no 8-bit integers, no array of arrays, nothing of variable length, every struct
+Same structs, same fields, in the same order, of the same types and array sizes; the keys are the
+vehicle's or the unit's id; no 8-bit integers, no array of arrays, nothing of variable length, every struct
 final. (That the two compilers also lay the fields out alike is the C compiler's to say: the static
 assertions of dds_types.c, of which there is one for each field.)
 """

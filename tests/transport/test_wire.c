@@ -1,4 +1,4 @@
-/// Goal: a message is exactly the bytes the contract says, and nothing out of range gets through.
+/// Goal: a message is exactly the bytes that verge.lcm says, and no value out of range is accepted.
 /// Method: the encoding is written out again by hand, field by field, and compared byte by byte;
 ///         each field of a good message is pushed over each of its limits, one at a time.
 #include "check.h"
@@ -232,7 +232,7 @@ static void test_any_flipped_bit_and_any_other_length_is_refused(void** state)
 
 typedef enum number { I16, I32, I64, F32, F64 } number;
 
-/// One field and the limits the contract gives it.
+/// One field and its limits.
 typedef struct field {
     const char* name;
     number      type;

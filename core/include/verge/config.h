@@ -77,9 +77,9 @@
 #define VERGE_SAMPLE_OFFSETS_MAX 32
 #endif
 
-/// Reference car (BMW 320i, CommonRoad vehicle 2; findings/trajectory.md section 5).
-/// The body centre is the reference point of every position on the wire and in files; the rear
-/// axle, this far behind it along the heading, is the point whose motion obeys the wheels. [m]
+/// Reference car: BMW 320i, vehicle 2 of the CommonRoad vehicle models (version 3.0.2).
+/// The body centre is the reference point of every position on the wire and in files. The rear axle
+/// lies this far behind it, and moves along the heading. [m]
 #define VERGE_REAR_AXLE 1.4227
 #define VERGE_WHEELBASE 2.5789         ///< [m]
 #define VERGE_STEER_MAX 1.066          ///< [rad]

@@ -2,6 +2,8 @@
 /// overflow or are spelled as in C) is checked here over the whole document once.
 #include "json.h"
 
+#include "input.h"
+
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
@@ -9,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool read_file(const char* path, char** text, size_t* size);
+static const char* read_file(const char* path, char** text, size_t* size);
 static size_t text_end(const char* text, size_t size);
 static void report_syntax(json_file* file, const char* text, const char* end);
 static bool check_numbers(json_file* file, const char* text);
@@ -24,12 +26,12 @@ bool json_file_load(json_file* file, const char* path)
 {
     char*  text = NULL;
     size_t size = 0;
-    errno = 0;
-    if (!read_file(path, &text, &size)) {
+    const char* reason = read_file(path, &text, &size);
+    if (reason != NULL) {
         *file = (json_file){ .missing = true };
         snprintf(file->error, sizeof file->error,
                  "%s:file: cannot be read (%s), expected a JSON file of at most %d MiB\n", path,
-                 errno != 0 ? strerror(errno) : "too large", JSON_FILE_SIZE_MAX >> 20);
+                 reason, JSON_FILE_SIZE_MAX >> 20);
         return false;
     }
     const bool parsed = json_file_parse(file, path, text, size);
@@ -317,12 +319,13 @@ uint64_t json_as_u64(const json_at* at)
     return value;
 }
 
-/// The whole of a file of at most JSON_FILE_SIZE_MAX bytes. Pipes are read to their end.
-static bool read_file(const char* path, char** text, size_t* size)
+/// The whole of a regular file of at most JSON_FILE_SIZE_MAX bytes. Null, or why not.
+static const char* read_file(const char* path, char** text, size_t* size)
 {
-    FILE* stream = fopen(path, "rb");
+    const char* reason = NULL;
+    FILE*       stream = input_open(path, &reason);
     if (stream == NULL) {
-        return false;
+        return reason;
     }
     size_t capacity = 1 << 16, used = 0;
     char*  buffer = malloc(capacity);
@@ -338,15 +341,18 @@ static bool read_file(const char* path, char** text, size_t* size)
         }
         buffer = larger;
     }
-    const bool whole = buffer != NULL && used < capacity && !ferror(stream);
+    reason = buffer == NULL     ? "out of memory"
+             : ferror(stream)   ? strerror(errno)
+             : used == capacity ? "too large"
+                                : NULL;
     fclose(stream);
-    if (!whole) {
+    if (reason != NULL) {
         free(buffer);
-        return false;
+        return reason;
     }
     *text = buffer;
     *size = used;
-    return true;
+    return NULL;
 }
 
 /// Where text stops being UTF-8 without null bytes; size: nowhere. What passes here can be

@@ -13,8 +13,9 @@
 ///             are ignored. After it the getters still return a value inside the asked range.
 /// Strictness  NaN, numbers JSON has no spelling for (015, 15., .5, +1, 0x1f), numbers too large
 ///             for a double, a key that appears twice, objects of more than JSON_KEYS_MAX keys,
-///             text after the document and files above JSON_FILE_SIZE_MAX are refused. null is a
-///             value of the wrong type wherever it is not said to mean "none".
+///             text after the document, files above JSON_FILE_SIZE_MAX and what is no regular file
+///             (a FIFO, a device, a directory) are refused. null is a value of the wrong type
+///             wherever it is not said to mean "none".
 /// Memory      Heap, until json_file_free(). This is for start-up only.
 #ifndef VERGE_APPS_JSON_H
 #define VERGE_APPS_JSON_H

@@ -1,6 +1,7 @@
 /// See lab.h.
 #include "lab.h"
 
+#include "common/input.h"
 #include "common/output.h"
 #include "must.h"
 
@@ -148,7 +149,8 @@ void lab_free_results(outcome* results, uint32_t count)
 
 char* lab_read(const char* path)
 {
-    FILE* in = fopen(path, "rb");
+    const char* reason = NULL;
+    FILE* in = input_open(path, &reason);
     char* text = NULL;
     if (in == NULL) {
         return NULL;

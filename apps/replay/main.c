@@ -6,6 +6,7 @@
 /// plans are other ones, so that digests differ unless it is the seed of the recording.
 #define _GNU_SOURCE
 #include "common/floating.h"
+#include "common/input.h"
 #include "common/options.h"
 #include "common/world.h"
 #include "rsu/replay.h"
@@ -49,12 +50,13 @@ int main(int argc, char** argv)
         return 2;
     }
     const uint64_t* seed = seeded ? &seed_value : NULL;
-    FILE* file = fopen(path, "rb");
+    const char* reason = NULL;
+    FILE* file = input_open(path, &reason);
     // An LCM event log begins with its sync word, a run file with the brace of a JSON object.
     const int first = file != NULL ? getc(file) : EOF;
     if (first == EOF) {
         fprintf(stderr, "%s:file: cannot be read (%s), expected a run file or an LCM event log\n",
-                path, file != NULL && feof(file) ? "empty" : strerror(errno));
+                path, file == NULL ? reason : feof(file) ? "empty" : strerror(errno));
         if (file != NULL) {
             fclose(file);
         }

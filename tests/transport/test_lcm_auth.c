@@ -296,7 +296,7 @@ static void test_keys_that_cannot_work_are_refused_with_the_remedy(void** state)
     check_refused((transport_lcm_auth){ .keys = &absent, .key_count = 1 },
                   "lcm.keys[0].file: /nowhere/at/all.key: ", "No such file");
     check_refused((transport_lcm_auth){ .keys = &folder, .key_count = 1 },
-                  "lcm.keys[0].file: /tmp: ", "expected a key");
+                  "lcm.keys[0].file: /tmp: ", "a directory");
     check_refused((transport_lcm_auth){ .keys = &good, .key_count = 1, .sign_with = 2 },
                   "lcm.sign_with: ", "one of lcm.keys");
     check_refused((transport_lcm_auth){ .keys = &good, .key_count = 1, .window_ms = 9 },

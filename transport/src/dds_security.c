@@ -116,9 +116,19 @@ static bool papers_check(papers* self, const transport_dds_security* files, char
 
 static BIO* file_open(const report* to)
 {
-    BIO* file = BIO_new_file(to->path, "r");
-    if (file == NULL) {
-        fail(to, "cannot be read, expected a file this user may read");
+    const char* reason = NULL;
+    const int   fd = regular_open(to->path, &reason);
+    FILE*       stream = fd >= 0 ? fdopen(fd, "r") : NULL;
+    BIO*        file = stream != NULL ? BIO_new_fp(stream, BIO_CLOSE) : NULL;
+    if (fd < 0) {
+        fail(to, "cannot be read (%s), expected a file this user may read", reason);
+    } else if (file == NULL) {
+        fail(to, "cannot be read, the system refused memory");
+        if (stream != NULL) {
+            fclose(stream);
+        } else {
+            close(fd);
+        }
     }
     return file;
 }
@@ -439,9 +449,13 @@ bool dds_security_check(const transport_dds_security* files, char* error, size_t
         { error, error_size, "permissions", files->permissions },
     };
     for (size_t i = 0; i < sizeof others / sizeof others[0]; ++i) {
-        if (access(others[i].path, R_OK) != 0) {
-            return fail(&others[i], "cannot be read, expected a file this user may read");
+        const char* reason = NULL;
+        const int   file = regular_open(others[i].path, &reason);
+        if (file < 0) {
+            return fail(&others[i], "cannot be read (%s), expected a file this user may read",
+                        reason);
         }
+        close(file);
     }
     return true;
 }

@@ -9,15 +9,21 @@
 ///             A damaged length costs its own event only: one that reaches into the next event
 ///             is refused, see event_holds_another().
 /// Writing     Events reach the file with each mark and at close: a log is complete up to its
-///             last whole cycle whatever happens to the program.
+///             last whole cycle whatever happens to the program. A write may wait, as it does on
+///             a pipe whose reader is slow. Events that cannot be written are lost and counted as
+///             dropped; the next ones are tried again.
 #include "backend.h"
 #include "codec.h"
+#include "secret.h"
 
+#include <assert.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 enum {
     EVENT_HEADER_SIZE = 28,
@@ -26,10 +32,15 @@ enum {
 };
 static const uint32_t sync_word = 0xEDA1DA01u;
 
+static_assert(BUFFER_SIZE >= EVENT_HEADER_SIZE + CHANNEL_SIZE_MAX + PAYLOAD_ROOM,
+              "an event fits into an empty buffer");
+
 typedef struct log_file {
-    FILE*     file;
+    FILE*     file;         ///< read from; null when recording
+    int       fd;           ///< written to; -1 when reading
     counters* counts;
-    bool      recording;
+    size_t    used;         ///< [B] of buffer, when recording: not in the file yet
+    uint64_t  waiting;      ///< events in it
     bool      ended;
     bool      in_garbage;   ///< the trouble at this place is counted already
     bool      behind_sync;  ///< the next event's sync word is read already
@@ -52,6 +63,10 @@ static bool        header_read(log_file* self, int64_t start, event_header* head
 static bool        event_body_read(log_file* self, const event_header* header, packet* packet);
 static bool        event_holds_another(log_file* self, int64_t start, int64_t end);
 
+static bool open_to_read(log_file* self, const char* path, const char** reason);
+static int  open_to_write(const char* path);
+static int  flush(log_file* self);
+
 static int log_open(void** self, const char* rest, unsigned receive,
                     const transport_options* options, counters* counts, char* error,
                     size_t error_size)
@@ -64,33 +79,73 @@ static int log_open(void** self, const char* rest, unsigned receive,
         return TRANSPORT_BAD_URL;
     }
     log_file* made = calloc(1, sizeof *made);
-    FILE*     file = fopen(rest, recording ? "wbe" : "rbe");
-    struct stat about = { 0 };
-    errno = file == NULL ? errno : 0;
-    if (made == NULL || file == NULL || fstat(fileno(file), &about) != 0 ||
-        (!recording && !S_ISREG(about.st_mode))) {
-        snprintf(error, error_size, "log:%s: %s", rest,
-                 errno != 0 ? strerror(errno) : "is no regular file, expected an LCM event log");
-        if (file != NULL) {
-            fclose(file);
-        }
-        free(made);
+    if (made == NULL) {
+        snprintf(error, error_size, "log:%s: the system refused memory", rest);
         return TRANSPORT_UNAVAILABLE;
     }
-    setvbuf(file, made->buffer, _IOFBF, sizeof made->buffer);
-    made->file = file;
+    const char* reason = NULL;
+    made->fd = recording ? open_to_write(rest) : -1;
     made->counts = counts;
-    made->recording = recording;
     made->ended = recording;
-    made->size = about.st_size;
-    *self = made;
-    return TRANSPORT_OK;
+    if (recording && made->fd < 0) {
+        reason = strerror(errno);
+    }
+    if (reason == NULL && (recording || open_to_read(made, rest, &reason))) {
+        *self = made;
+        return TRANSPORT_OK;
+    }
+    snprintf(error, error_size, "log:%s: cannot be %s (%s), expected %s", rest,
+             recording ? "written" : "read", reason,
+             recording ? "a file this user may write" : "an LCM event log");
+    free(made);
+    return TRANSPORT_UNAVAILABLE;
+}
+
+static bool open_to_read(log_file* self, const char* path, const char** reason)
+{
+    const int   fd = regular_open(path, reason);
+    struct stat facts;
+    if (fd < 0) {
+        return false;
+    }
+    self->file = fstat(fd, &facts) == 0 ? fdopen(fd, "rb") : NULL;
+    if (self->file == NULL) {
+        *reason = strerror(errno);
+        close(fd);
+        return false;
+    }
+    setvbuf(self->file, self->buffer, _IOFBF, sizeof self->buffer);
+    self->size = facts.st_size;
+    return true;
+}
+
+/// Opening a FIFO for writing waits for a reader, unless there is one: here it is this function,
+/// for a moment. Until another one comes, writing fails with EPIPE.
+static int open_to_write(const char* path)
+{
+    struct stat facts;
+    const bool fifo = stat(path, &facts) == 0 && S_ISFIFO(facts.st_mode);
+    const int  reader = fifo ? open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC) : -1;
+    const int  fd = fifo && reader < 0
+                        ? -1
+                        : open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOCTTY, 0666);
+    const int  refused = errno;
+    if (reader >= 0) {
+        close(reader);
+    }
+    errno = refused;
+    return fd;
 }
 
 static void log_close(void* self)
 {
     log_file* mine = self;
-    fclose(mine->file);
+    if (mine->file != NULL) {
+        fclose(mine->file);
+    } else {
+        flush(mine);
+        close(mine->fd);
+    }
     free(mine);
 }
 
@@ -124,28 +179,44 @@ static int log_send(void* self, int64_t utime, const char* channel, const uint8_
                     size_t size)
 {
     log_file* mine = self;
-    if (!mine->recording) {
+    if (mine->fd < 0) {
+        errno = EBADF;
         return -1;
     }
     const size_t length = strlen(channel);
-    uint8_t      header[EVENT_HEADER_SIZE];
-    codec_put_u32(header, sync_word);
-    codec_put_u64(header + 4, mine->event_number);
-    codec_put_u64(header + 12, (uint64_t)utime);
-    codec_put_u32(header + 20, (uint32_t)length);
-    codec_put_u32(header + 24, (uint32_t)size);
+    const size_t event_size = EVENT_HEADER_SIZE + length + size;
+    const bool   room = mine->used + event_size <= BUFFER_SIZE || flush(mine) == 0;
+    uint8_t*     event = (uint8_t*)mine->buffer + mine->used;
+    codec_put_u32(event, sync_word);
+    codec_put_u64(event + 4, mine->event_number);
+    codec_put_u64(event + 12, (uint64_t)utime);
+    codec_put_u32(event + 20, (uint32_t)length);
+    codec_put_u32(event + 24, (uint32_t)size);
+    memcpy(event + EVENT_HEADER_SIZE, channel, length);
+    memcpy(event + EVENT_HEADER_SIZE + length, payload, size);
     mine->event_number += 1;
-
-    const bool written = fwrite(header, sizeof header, 1, mine->file) == 1 &&
-                         fwrite(channel, length, 1, mine->file) == 1 &&
-                         fwrite(payload, size, 1, mine->file) == 1;
+    mine->used += event_size;
+    mine->waiting += 1;
     const bool cycle_ends = codec_kind(channel) == TRANSPORT_MARK;
-    const bool kept = !cycle_ends || fflush(mine->file) == 0;
-    if (!written || !kept) {
-        clearerr(mine->file); // a disk that is full now may have room for the next event
-        return -1;
+    return cycle_ends && flush(mine) != 0 ? -1 : room ? 0 : -1;
+}
+
+/// Writes what waits, however long that takes. On failure it is lost: -1 with errno.
+static int flush(log_file* self)
+{
+    size_t written = 0;
+    while (written < self->used) {
+        const ssize_t part = write(self->fd, self->buffer + written, self->used - written);
+        if (part < 0 && errno != EINTR) {
+            break;
+        }
+        written += part > 0 ? (size_t)part : 0;
     }
-    return 0;
+    const bool whole = written == self->used;
+    count_up(&self->counts->dropped, whole ? 0 : self->waiting);
+    self->used = 0;
+    self->waiting = 0;
+    return whole ? 0 : -1;
 }
 
 /// Reads on until behind the next sync word. False at the end of the file.

@@ -23,8 +23,10 @@
 ///                       there: of each vehicle (each unit) the newest message waits, older ones
 ///                       are given up, and the order of different vehicles is not kept. Plans are
 ///                       sent again until they arrive or are replaced, for three seconds at most.
-///             log:FILE  an LCM event log: read, or written when opened with TRANSPORT_RECORD.
-///                       What is written is in the file at each mark and at close.
+///             log:FILE  an LCM event log: a regular file that is read, or any file that is
+///                       written when opened with TRANSPORT_RECORD. What is written is in the file
+///                       at each mark and at close; writing waits where the file does (a FIFO whose
+///                       reader is slow). A FIFO is opened whether it has a reader or not.
 /// Senders     Every message tells who sent it, as far as the bus knows: an LCM sender is its
 ///             address and port, a DDS sender its writer, a loop: sender its end; a log
 ///             does not know.
@@ -160,7 +162,8 @@ typedef struct transport_stats {
     uint64_t published;
     uint64_t malformed; ///< truncated, oversized, foreign type, wrong crc32, not LCM at all
     uint64_t foreign;   ///< well-formed messages of channels not asked for
-    uint64_t dropped;   ///< by the kernel's socket buffer (SO_RXQ_OVFL) or a full loop: queue
+    uint64_t dropped;   ///< by the kernel's socket buffer (SO_RXQ_OVFL) or a full loop: queue;
+                        ///< log: when recording, events that could not be written
     uint64_t errors;    ///< failed sends or receives
     uint64_t refused[TRANSPORT_REFUSALS]; ///< by transport_refusal
     uint64_t lost;      ///< dds: only: senders that left or fell silent, and deadlines missed

@@ -10,9 +10,9 @@
 #include "common/scenario.h"
 #include "common/world.h"
 
-#include "mcts.h"
-#include "predict.h"
-#include "sampler.h"
+#include "decide/mcts.h"
+#include "motion/predict.h"
+#include "motion/sampler.h"
 
 #include <errno.h>
 #include <math.h>

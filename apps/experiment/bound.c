@@ -1,7 +1,7 @@
 /// See bound.h.
 #include "bound.h"
 
-#include "flow.h"
+#include "traffic/flow.h"
 #include "must.h"
 
 #include <math.h>

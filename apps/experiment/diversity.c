@@ -3,7 +3,7 @@
 #include "experiments.h"
 
 #include "must.h"
-#include "random.h"
+#include "base/random.h"
 #include "summary.h"
 #include "traffic.h"
 

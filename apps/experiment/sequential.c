@@ -1,7 +1,7 @@
 /// See sequential.h.
 #include "sequential.h"
 
-#include "random.h"
+#include "base/random.h"
 
 #include <math.h>
 #include <stdlib.h>

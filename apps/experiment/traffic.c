@@ -2,7 +2,7 @@
 #include "traffic.h"
 
 #include "must.h"
-#include "random.h"
+#include "base/random.h"
 
 #include <math.h>
 

@@ -1,6 +1,6 @@
 /// The def's scalar fields: default, range, unit and sentence of each, in one table.
 
-#include "scalar.h"
+#include "base/scalar.h"
 #include "verge/planner.h"
 
 #include <assert.h>

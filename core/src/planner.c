@@ -3,13 +3,13 @@
 
 #include "verge/planner.h"
 
-#include "contract.h"
+#include "base/contract.h"
 #include "digest.h"
-#include "guide.h"
-#include "mcts.h"
-#include "predict.h"
-#include "sampler.h"
-#include "scalar.h"
+#include "motion/segments.h"
+#include "decide/mcts.h"
+#include "motion/predict.h"
+#include "motion/sampler.h"
+#include "base/scalar.h"
 
 #include <string.h>
 
@@ -28,7 +28,7 @@ typedef struct memory {
     int64_t  utime;
     uint32_t count;
     int32_t  ids[VERGE_CONTROLLED_MAX];
-    vg_line  line;                           // the decision in force, and when it was first taken
+    vg_joint_actions  line;                           // the decision in force, and when it was first taken
     int64_t  line_utime;
     uint32_t plan_count;                     // trajectories, by vehicle id
     int32_t  plan_ids[VERGE_CONTROLLED_MAX];
@@ -350,11 +350,11 @@ static verge_lane_position locate(const verge_planner* self, const verge_vehicle
         return at;
     }
     const uint32_t lane_count = road->lane_count;
-    uint8_t fewest = road->changes[(uint32_t)vg_road_lane_index(road, at.lane_id) * lane_count
-                                   + (uint32_t)target];
-    const bool never = fewest == 255 && !verge_road_continues(road, v->target_lane, at.lane_id);
+    uint32_t fewest =
+        vg_road_changes(road, (uint32_t)vg_road_lane_index(road, at.lane_id), (uint32_t)target);
+    const bool never = fewest == VG_NEVER && !verge_road_continues(road, v->target_lane, at.lane_id);
     for (uint32_t lane = 0; never && lane < lane_count; ++lane) {
-        const uint8_t changes = road->changes[lane * lane_count + (uint32_t)target];
+        const uint32_t changes = vg_road_changes(road, lane, (uint32_t)target);
         if (changes < fewest) {
             const verge_lane_position other =
                 verge_road_project(road, v->x, v->y, v->heading, road->lanes[lane].id);
@@ -399,7 +399,7 @@ static uint8_t remembered_action(const memory* last, int32_t id, double t, doubl
 }
 
 // The last plan moved to now: each step takes what was planned for its middle.
-static bool shift_last(const verge_planner* self, const vg_scene* scene, double age, vg_line* line)
+static bool shift_last(const verge_planner* self, const vg_scene* scene, double age, vg_joint_actions* line)
 {
     const double step_s = self->def.step_s;
     bool any = false;
@@ -418,7 +418,7 @@ static bool shift_last(const verge_planner* self, const vg_scene* scene, double 
 }
 
 // Does the decision confirm this line, for the same vehicles as before?
-static bool same_line(const verge_planner* self, const vg_line* line)
+static bool same_line(const verge_planner* self, const vg_joint_actions* line)
 {
     const vg_scene* scene = self->scene;
     bool same = self->last.count == scene->controlled_count;
@@ -457,7 +457,7 @@ static bool decide(verge_planner* self, int64_t utime, uint32_t count)
     if (scene->controlled_count == 0) {
         return false;
     }
-    vg_line warm;
+    vg_joint_actions warm;
     const bool warmed = remembers && known >= 0.0 && shift_last(self, scene, known, &warm);
     vg_random random = vg_random_from(self->def.seed, self->last.steps++);
     vg_mcts_run(self->tree, scene, self->root, &random, warmed ? &warm : NULL, self->decision);

@@ -20,12 +20,12 @@ END
 echo '#define static_assert _Static_assert' >"$work/include/assert.h"
 
 flags=(-std=c11 -ffreestanding -nostdinc -isystem "$(gcc -print-file-name=include)"
-    -isystem "$work/include" -I "$source_dir/core/include" -DNDEBUG
+    -isystem "$work/include" -I "$source_dir/core/include" -I "$source_dir/core/src" -DNDEBUG
     -O1 -ffp-contract=off -fno-math-errno -fno-trapping-math -Wall -Werror)
 widths=('')
 [ "$(uname -m)" != x86_64 ] || widths+=('-m32 -msse2 -mfpmath=sse')
 count=0
-for file in "$source_dir"/core/src/*.c; do
+for file in "$source_dir"/core/src/*.c "$source_dir"/core/src/*/*.c; do
     for width in "${widths[@]}"; do
         # shellcheck disable=SC2086 # the width is several options
         gcc "${flags[@]}" $width -c "$file" -o "$work/object.o" || {
@@ -37,12 +37,12 @@ for file in "$source_dir"/core/src/*.c; do
 done
 [ "$count" -gt 10 ] || { echo "only $count sources found" >&2; exit 1; }
 
-cpp_flags=(-std=c++17 -I "$source_dir/core/include" -isystem "${EIGEN_INCLUDE:-/usr/include/eigen3}"
+cpp_flags=(-std=c++17 -I "$source_dir/core/include" -I "$source_dir/core/src" -isystem "${EIGEN_INCLUDE:-/usr/include/eigen3}"
     -fno-exceptions -fno-rtti -fno-threadsafe-statics -ffp-contract=off -fno-math-errno
     -fno-trapping-math -DEIGEN_DONT_VECTORIZE -DEIGEN_DONT_PARALLELIZE -DEIGEN_NO_MALLOC
     -DEigen=EigenVerge -Wall -Werror)
 islands=0
-for file in "$source_dir"/core/src/*.cpp; do
+for file in "$source_dir"/core/src/*/*.cpp; do
     for level in -O0 -O2; do
         g++ "${cpp_flags[@]}" $level -c "$file" -o "$work/object.o"
         # Templates that the object defines itself are not asked for.

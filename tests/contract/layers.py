@@ -15,6 +15,13 @@ CORE_SYSTEM = {
     "cstdint", "cstddef", "cstring", "climits", "cfloat",
 }
 CORE_EIGEN = re.compile(r"^Eigen/")
+# Folders of core/src and what each may include of the others.
+ROOMS = {"base": {"base"}}
+ROOMS["geometry"] = ROOMS["base"] | {"geometry"}
+ROOMS["road"] = ROOMS["geometry"] | {"road"}
+ROOMS["traffic"] = ROOMS["road"] | {"traffic"}
+ROOMS["decide"] = ROOMS["traffic"] | {"decide"}
+ROOMS["motion"] = ROOMS["decide"] | {"motion"}
 INCLUDE = re.compile(r'^\s*#\s*include\s+([<"])([^>"]+)[>"]')
 SOURCES = {".h", ".c", ".cpp", ".hpp", ".cc", ".inc"}
 
@@ -34,8 +41,9 @@ def names_of(folder):
     for path in folder.rglob("*.h"):
         found.add(path.name)
         parts = path.parts
-        if "include" in parts:
-            found.add("/".join(parts[parts.index("include") + 1:]))
+        for root in ("include", "src"):
+            if root in parts:
+                found.add("/".join(parts[parts.index(root) + 1:]))
     return found
 
 
@@ -48,10 +56,41 @@ def core_faults(root, own, foreign):
             continue
         if CORE_EIGEN.match(name) and path.name == "linear.hpp":
             continue
-        if name == "linear.hpp" and path.suffix == ".cpp":
+        if name == "geometry/linear.hpp" and path.suffix == ".cpp":
             continue
         why = "Eigen goes through linear.hpp into a .cpp" if eigen else "core may not include this"
         yield f"{path.relative_to(root)}:{number}: {name}: {why}"
+
+
+def room_faults(root):
+    """Inside core a folder includes itself and folders named before it, and no file includes,
+    through others, itself."""
+    source = root / "core" / "src"
+    graph = {}
+    for path, number, bracket, name in includes(source):
+        target = source / name
+        if bracket != '"' or not target.exists():
+            continue
+        graph.setdefault(path, []).append(target)
+        own = path.relative_to(source).parts
+        other = target.relative_to(source).parts
+        if len(own) > 1 and (len(other) == 1 or other[0] not in ROOMS[own[0]]):
+            yield f"{path.relative_to(root)}:{number}: {name}: {own[0]}/ may not include it"
+    state = {}
+
+    def visit(path):
+        if state.get(path) == "open":
+            return True
+        if path not in state:
+            state[path] = "open"
+            circle = any([visit(target) for target in graph.get(path, [])])
+            state[path] = "done"
+            return circle
+        return False
+
+    for path in sorted(graph):
+        if visit(path):
+            yield f"{path.relative_to(root)}: includes itself through others"
 
 
 def transport_faults(root, apps, allowed):
@@ -66,6 +105,7 @@ def main():
     root = pathlib.Path(sys.argv[1]).resolve()
     core, transport, apps = (names_of(root / name) for name in ("core", "transport", "apps"))
     faults = list(core_faults(root, core, transport | apps))
+    faults += room_faults(root)
     faults += transport_faults(root, apps, core | transport)
     for fault in faults:
         print(fault, file=sys.stderr)

@@ -1,5 +1,5 @@
 /// Goal: memory comes aligned, zeroed and disjoint; what is measured is what is needed.
-#include "arena.h"
+#include "base/arena.h"
 #include "check.h"
 #include "rng.h"
 

@@ -1,8 +1,8 @@
 /// The bound is never below what a plan earns, and near to it where a vehicle is alone.
 #include "decide.h"
 
-#include "bound.h"
-#include "mcts.h"
+#include "decide/bound.h"
+#include "decide/mcts.h"
 
 /// Everything a search may do, on one stage.
 typedef struct searched {

@@ -7,8 +7,8 @@
 #include "scene.h"
 #include "strict.h"
 
-#include "../../core/src/contact.h"
-#include "../../core/src/target.h"
+#include "motion/contact.h"
+#include "motion/target.h"
 
 /// Set where a body stands exactly at the edge of the alert zone, where the cost jumps.
 static bool at_edge;

@@ -2,7 +2,7 @@
 // and 3, the IDM, conflicts by brute force, and R_i with Eq. 4 and 5.
 #include "stage.h"
 
-#include "frenet.h"
+#include "road/road.h"
 
 #define WIDTH STAGE_WIDTH
 // As in flow.c: bodies with this much air between them count as in the path. [m]

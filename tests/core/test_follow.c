@@ -5,7 +5,7 @@
 #include "rng.h"
 #include "scene.h"
 
-#include "../../core/src/follow.h"
+#include "motion/follow.h"
 
 #define GAP 2.0
 

@@ -1,7 +1,7 @@
 // Action steps and segments against the decision's flows they are read from.
 #include "decide.h"
 
-#include "guide.h"
+#include "motion/segments.h"
 
 static vg_decision decision;
 static verge_vehicle_plan plan;

@@ -2,7 +2,7 @@
 // walk over joint actions, draws, budget) one by one. Includes the source to reach them.
 #include "stage.h"
 
-#include "../../core/src/mcts.c"
+#include "decide/mcts.c"
 
 enum { arena_size = 24 << 20, many_nodes = 60000 };
 
@@ -31,7 +31,7 @@ static void close_search(played* self)
     free(self);
 }
 
-static double run(played* self, uint64_t seed, const vg_line* warm)
+static double run(played* self, uint64_t seed, const vg_joint_actions* warm)
 {
     vg_arena arena;
     vg_arena_init(&arena, self->memory, arena_size);
@@ -190,7 +190,7 @@ static void a_warm_line_that_fails_does_not_become_the_plan(void** state)
     at->def.iterations = 200;
     for (uint32_t k = 0; k < test_rounds(300); ++k) {
         stage_fill(at, &rng, 6, 8, 100.0, 160.0, 6.5);
-        vg_line warm = { .step_count = at->def.steps };
+        vg_joint_actions warm = { .step_count = at->def.steps };
         for (uint32_t t = 0; t < at->def.steps; ++t) {
             for (uint32_t i = 0; i < 6; ++i) {
                 warm.actions[t][i] = (uint8_t)test_rng_below(&rng, 5);
@@ -210,7 +210,7 @@ static uint8_t change_of(uint8_t action)
 }
 
 /// Share of X_flow of the vehicles that two lines send across at other times or to other sides.
-static double share_switched(const stage* at, const vg_line* a, const vg_line* b)
+static double share_switched(const stage* at, const vg_joint_actions* a, const vg_joint_actions* b)
 {
     double share = 0.0;
     for (uint32_t i = 0; i < at->scene.controlled_count; ++i) {
@@ -234,7 +234,7 @@ static void a_plan_must_beat_the_warm_line_by_the_margin_of_those_it_changes(voi
     for (uint32_t k = 0; k < rounds; ++k) {
         stage_fill(at, &rng, 3, 2, 100.0, 250.0, 20.0);
         const double first = run(self, k, NULL);
-        const vg_line line = self->decision.line;
+        const vg_joint_actions line = self->decision.line;
         if (self->decision.report.nodes_first == 0) {
             continue; // no plan without conflict was found: nothing to keep to
         }
@@ -262,7 +262,7 @@ static void the_budget_is_spent_to_the_last_iteration(void** state)
         at->def.iterations = budgets[k / 4];
         at->def.search = k % 2 == 0 ? VERGE_SEARCH_BEST : VERGE_SEARCH_PAPER;
         stage_fill(at, &rng, 3, 3, 100.0, 250.0, 12.0);
-        vg_line warm = { .step_count = at->def.steps };
+        vg_joint_actions warm = { .step_count = at->def.steps };
         (void)run(self, k, k % 4 < 2 ? NULL : &warm);
         const verge_search_report* report = &self->decision.report;
         assert_int_equal(report->iterations, budgets[k / 4]);

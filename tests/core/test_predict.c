@@ -1,7 +1,7 @@
 // Predicted bodies against the decision they come from and against plain physics.
 #include "decide.h"
 
-#include "predict.h"
+#include "motion/predict.h"
 
 static vg_decision decision;
 static vg_tracks tracks;

@@ -1,7 +1,7 @@
 /// Goal: the quintic meets both of its end states, and is the smoothest curve that does.
 /// Method: closed cases; end conditions over random states; jerk of disturbed curves as oracle.
 #include "check.h"
-#include "quintic.h"
+#include "geometry/quintic.h"
 #include "rng.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 // PCG32 against its author's published sequence, and the bounded draw.
 #include "check.h"
 
-#include "random.h"
+#include "base/random.h"
 
 static void the_sequence_is_that_of_the_reference_implementation(void** state)
 {

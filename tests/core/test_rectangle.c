@@ -1,7 +1,7 @@
 /// Goal: overlap and distance of bodies are those of geometry.
 /// Method: a slow oracle that knows nothing of axes: all pairs of sides as line segments.
 #include "check.h"
-#include "rectangle.h"
+#include "geometry/rectangle.h"
 #include "rng.h"
 
 #include <math.h>

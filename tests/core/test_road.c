@@ -3,10 +3,10 @@
 /// Method: random roads for what must hold of all; small roads drawn by hand for relations;
 /// hostile surveys for what must never happen.
 #include "check.h"
-#include "frenet.h"
+#include "motion/path.h"
 #include "rng.h"
-#include "road_build.h"
-#include "scalar.h"
+#include "road/build.h"
+#include "base/scalar.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -95,7 +95,7 @@ static void world_free(world* w)
 
 static const vg_relation* relation(const world* w, uint32_t a, uint32_t b)
 {
-    return &w->road->relations[a * w->road->lane_count + b];
+    return vg_road_relation(w->road, a, b);
 }
 
 /// A winding lane: curvature by a random walk, points 3 to 10 m apart, radius above 25 m.
@@ -323,8 +323,8 @@ static void test_neighbours_share_stations_and_know_their_gaps(void** state)
     }
     assert_true(side->dead_end);
     assert_false(main->dead_end);
-    assert_int_equal(w->road->move[1 * 2 + 0], -1);
-    assert_int_equal(w->road->changes[1 * 2 + 0], 1);
+    assert_int_equal(vg_road_turn(w->road, 1, 0), -1);
+    assert_int_equal(vg_road_changes(w->road, 1, 0), 1);
     assert_int_equal(relation(w, 0, 1)->kind, VG_SAME_BUNDLE);
     assert_int_equal(w->road->conflict_count, 0);
     world_free(w);
@@ -441,7 +441,7 @@ static void test_a_diverge_leaves_the_branch_not_taken_out_of_sight(void** state
     assert_true(verge_road_leads_to(w->road, 0, 2));
     assert_false(verge_road_leads_to(w->road, 1, 2));
     assert_true(verge_road_continues(w->road, 0, 2));
-    assert_int_equal(w->road->changes[1 * 3 + 2], 255);
+    assert_int_equal(vg_road_changes(w->road, 1, 2), 255);
     assert_int_equal(w->road->on_route[0 * 4 + 3], 1u | 4u); // wants 2: sees itself and 2
     assert_int_equal(w->road->on_route[0 * 4 + 2], 1u | 2u);
     world_free(w);
@@ -527,12 +527,12 @@ static void test_routes_take_the_fewest_changes_and_go_on_across_sections(void**
     leads_to(w, 1, 3);
     leads_to(w, 3, 4);
     build(w);
-    assert_int_equal(w->road->changes[0 * 5 + 4], 1);
-    assert_int_equal(w->road->move[0 * 5 + 4], 1);
-    assert_int_equal(w->road->changes[1 * 5 + 4], 0);
-    assert_int_equal(w->road->move[1 * 5 + 4], 0);
-    assert_int_equal(w->road->changes[1 * 5 + 2], 1);
-    assert_int_equal(w->road->move[1 * 5 + 2], -1);
+    assert_int_equal(vg_road_changes(w->road, 0, 4), 1);
+    assert_int_equal(vg_road_turn(w->road, 0, 4), 1);
+    assert_int_equal(vg_road_changes(w->road, 1, 4), 0);
+    assert_int_equal(vg_road_turn(w->road, 1, 4), 0);
+    assert_int_equal(vg_road_changes(w->road, 1, 2), 1);
+    assert_int_equal(vg_road_turn(w->road, 1, 2), -1);
     assert_true(w->road->lanes[2].dead_end); // its neighbour goes on
     assert_false(w->road->lanes[3].dead_end);
     assert_false(w->road->lanes[4].dead_end); // nobody beside goes on

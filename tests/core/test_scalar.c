@@ -2,7 +2,7 @@
 /// Method: the C library's functions (within 0.55 ulp of the true value) as oracle.
 #include "check.h"
 #include "rng.h"
-#include "scalar.h"
+#include "base/scalar.h"
 
 #include <math.h>
 

@@ -4,7 +4,7 @@
 
 #include "stage.h"
 
-#include "mcts.h"
+#include "decide/mcts.h"
 
 /// After stage_begin(); at->def.iterations and nodes_max say how much is searched.
 static inline void stage_decide(const stage* at, vg_random random, vg_decision* decision)

@@ -3,9 +3,9 @@
 #ifndef SCENE_H
 #define SCENE_H
 
-#include "../../core/src/arena.h"
-#include "../../core/src/sampler.h"
-#include "../../core/src/scalar.h"
+#include "base/arena.h"
+#include "motion/sampler.h"
+#include "base/scalar.h"
 
 #include <math.h>
 #include <stdbool.h>

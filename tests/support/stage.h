@@ -13,7 +13,7 @@
 #include "check.h"
 #include "rng.h"
 
-#include "flow.h"
+#include "traffic/flow.h"
 #include "verge/planner.h"
 
 #include <math.h>

@@ -6,7 +6,7 @@
 #define STRICT_H
 
 #include "verge/plan.h"
-#include "../../core/src/track.h"
+#include "motion/track.h"
 
 #include <math.h>
 #include <stdio.h>

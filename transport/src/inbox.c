@@ -1,6 +1,6 @@
 #include "verge/inbox.h"
 
-#include "scalar.h" // core's sine and cosine: a replay gives the same bits on every machine
+#include "base/scalar.h" // core's sine and cosine: a replay gives the same bits on every machine
 
 #include <assert.h>
 #include <string.h>

@@ -1,0 +1,52 @@
+/// The joint search: Monte-Carlo tree search over metanodes (section 3.1 of the paper).
+///
+/// A metanode is the whole flow at one decision step; an edge is one action for every planned
+/// vehicle. Nodes come from a pool of fixed size; the joint actions of a node are numbered in
+/// mixed radix over each vehicle's legal set and walked in a permuted order, so the product is
+/// never materialised. Joint actions with a conflict are skipped before expansion.
+///
+/// Two modes. PAPER: UCT (Eq. 1), the root moves to its best child step by step, the budget is
+/// split over the steps as 1/(t/2 + 1), the plan is the greedy child of each layer. BEST: a fifth
+/// of the budget as in PAPER, the rest polishes the best complete plan seen, one or two vehicles
+/// at a time, those first that do not arrive yet; the payoff is common and the model
+/// deterministic, so the best plan ever simulated is the plan (findings/search.md section 5).
+/// The last cycle's plan takes part.
+#ifndef VG_MCTS_H
+#define VG_MCTS_H
+
+#include "traffic/flow.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// A joint action sequence.
+typedef struct vg_joint_actions {
+    uint32_t step_count;
+    uint8_t  actions[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
+} vg_joint_actions;
+
+/// What the search decided, with the flow at every step.
+typedef struct vg_decision {
+    vg_joint_actions line; ///< def->steps steps
+    vg_flow flows[VERGE_STEPS_MAX + 1];
+    float   way[VERGE_STEPS_MAX][VERGE_VEHICLES_MAX]; ///< [m] driven in each step
+    verge_search_report report;
+} vg_decision;
+
+typedef struct vg_tree vg_tree;
+
+/// Takes a tree from the arena: def->nodes_max nodes of def->vehicles_max vehicles.
+vg_tree* vg_tree_take(vg_arena* arena, const verge_planner_def* def);
+/// Bytes a node takes with these counts.
+uint32_t vg_node_size(uint32_t vehicle_count, uint32_t controlled_count);
+
+/// warm: a line to start from (its reward is taken anew), or null.
+void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_random* random,
+                 const vg_joint_actions* warm, vg_decision* decision);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

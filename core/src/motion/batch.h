@@ -1,0 +1,48 @@
+/// All candidates of one segment, evaluated eight at a time: cost (Eq. 7 to 9), limits, and a
+/// swept collision filter against every track. Measured against the physical limit in
+/// findings/trajectory.md section 4.
+#ifndef VG_BATCH_H
+#define VG_BATCH_H
+
+#include "motion/cost.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    VG_LANES = 8, ///< candidates of one inner loop: end offsets that share a profile
+    VG_CANDIDATES_MAX = VERGE_SAMPLE_SPEEDS_MAX * VERGE_SAMPLE_OFFSETS_MAX,
+};
+
+/// What a candidate may be marked with.
+enum {
+    VG_ALARM = 1,         ///< may touch a body: needs the exact check
+    VG_UNCOMFORTABLE = 2, ///< breaks a limit of normal driving
+    VG_INFEASIBLE = 4,    ///< breaks a limit of the car
+    VG_TRIED = 8,         ///< the sampler has been here
+};
+
+/// The candidates of one segment: legs x offsets.
+typedef struct vg_batch {
+    uint32_t start, last;      ///< instants of the trajectory; the leg covers (start, last]
+    bool     in_lane;          ///< the offset term is active
+    vg_comfort comfort;
+    uint32_t leg_count, offset_count;
+    double   offsets[VERGE_SAMPLE_OFFSETS_MAX];  ///< [m] lateral end offsets
+    vg_leg   legs[VERGE_SAMPLE_SPEEDS_MAX];
+    double   leg_penalties[VERGE_SAMPLE_SPEEDS_MAX];     ///< [1] added to the cost for the
+    double   offset_penalties[VERGE_SAMPLE_OFFSETS_MAX]; ///< order of choice only
+    double   costs[VG_CANDIDATES_MAX];           ///< [leg * offset_count + offset]
+    uint8_t  marks[VG_CANDIDATES_MAX];
+} vg_batch;
+
+/// Fills costs and marks. The alarm may be false, its absence is a proof.
+void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_weights* weights,
+                  const vg_tracks* tracks, uint32_t own);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,52 @@
+/// See cost.h: the straight form. The fast one, for eight candidates at a time, is batch.c; a
+/// test holds them together.
+#include "motion/cost.h"
+
+vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const vg_track* own)
+{
+    return (vg_alert_zone){ own->half_length, own->half_width, def->reaction_s, def->headway_s,
+                            def->alert_cost, def->alert_continuous != 0 };
+}
+
+double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const vg_track* other,
+                     uint32_t index)
+{
+    const double c = rear->cos_heading, s = rear->sin_heading;
+    const double x = other->x[index] - (rear->x + VERGE_REAR_AXLE * c);
+    const double y = other->y[index] - (rear->y + VERGE_REAR_AXLE * s);
+    const double other_c = other->cos_heading[index], other_s = other->sin_heading[index];
+    const double along = other_c * c + other_s * s, across = other_s * c - other_c * s;
+    const double reach_x = other->half_length * vg_abs(along) + other->half_width * vg_abs(across);
+    const double reach_y = other->half_length * vg_abs(across) + other->half_width * vg_abs(along);
+    return vg_alert_term(zone, x * c + y * s, y * c - x * s, reach_x, reach_y, rear->speed,
+                         other->speed[index] * along);
+}
+
+verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_t last,
+                       const verge_planner_def* def, const verge_weights* weights,
+                       const vg_tracks* tracks, uint32_t own, bool in_lane)
+{
+    const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own]);
+    verge_cost cost = { 0 };
+    for (uint32_t k = start + 1; k <= last; k += 1) {
+        const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
+        const vg_rear rear = vg_rear_of(&row, offset);
+        cost.curvature += vg_square(rear.curvature);
+        cost.heading += vg_heading_square(rear.cos_off, rear.sin_off);
+        cost.offset += in_lane ? vg_square(rear.d) : 0.0;
+        cost.acceleration += vg_square(rear.acceleration);
+        cost.jerk += vg_square(rear.jerk);
+        for (uint32_t j = 0; j < tracks->count; j += 1) {
+            cost.obstacle += j == own ? 0.0 : vg_alert_cost(&zone, &rear, &tracks->of[j], k);
+        }
+    }
+    cost.curvature *= weights->curvature;
+    cost.heading *= weights->heading;
+    cost.offset *= weights->offset;
+    cost.acceleration *= weights->acceleration;
+    cost.jerk *= weights->jerk;
+    cost.obstacle *= weights->obstacle;
+    cost.total = cost.curvature + cost.heading + cost.offset + cost.acceleration + cost.jerk
+               + cost.obstacle;
+    return cost;
+}

@@ -1,0 +1,185 @@
+/// What is driven when no sampled trajectory is acceptable: first gentle slowing down in the
+/// lane (its lowest level is to drive on), then braking up to 8 m/s^2. The first one that meets
+/// nobody is taken, else the one that meets somebody latest, and at the lowest speed. Who is in
+/// the rear of another one already brakes to a standstill unless that one draws away.
+///
+/// All of them limit their jerk, end at rest or at constant speed, and move towards the centre of
+/// the lane no faster than the steering follows; off the road they go straight ahead.
+#include "motion/contact.h"
+#include "base/contract.h"
+#include "motion/target.h"
+#include "motion/workspace.h"
+
+/// Decelerations tried [m/s^2]. Slowing down ends at comfort_braking; 8 is what tyres do on a
+/// dry road (reference car: 11.5 at the very most).
+static const double keep_levels[] = { 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0 };
+static const double brake_levels[] = { 3.0, 5.0, 6.5, 8.0 };
+/// The lateral way to the centre takes at least this long. [s]
+#define CENTRING_S 3.0
+#define LEVELS(levels) (sizeof(levels) / sizeof(levels)[0])
+/// Sub-steps per point of the limit check.
+#define LIMIT_PARTS 10
+
+/// Deceleration that a dead end may still ask for after the horizon. [m/s^2] dry road
+#define DEAD_END_BRAKING 8.0
+/// A body in front that overlaps may come nearer by as much. [m]
+#define PRESS_SLACK 1e-3
+
+/// How good a fallback is. Lexicographic.
+typedef struct verdict {
+    bool     clear;   // of bodies and dead ends
+    bool     holds;   // the car's limits
+    bool     stays;   // on its lane, which ends
+    uint32_t contact; // instant of the first contact
+    double   speed;   // then, or at the horizon where it does not stay
+} verdict;
+
+static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_state* state);
+static void straight_path(vg_path* path, const vg_motion* from);
+static vg_leg fallback_leg(const vg_job* job, const vg_path* path, const vg_state* state,
+                           double level, double jerk);
+static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+                     const vg_leg* leg, double braking);
+static bool presses(const vg_track* body, const vg_track* other, uint32_t last);
+static bool better(const verdict* a, const verdict* b);
+
+void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+                          verge_vehicle_plan* plan, verge_reason reason)
+{
+    const verge_planner_def* def = job->def;
+    vg_state state;
+    const vg_path* path = fallback_path(ws, job, &state);
+    // Off the road there is no lane to keep: brake at once.
+    const uint32_t from = job->on_road ? 0 : LEVELS(keep_levels);
+    verdict best = { 0 };
+    vg_leg best_leg;
+    bool best_brakes = true;
+    for (uint32_t i = from; i < LEVELS(keep_levels) + LEVELS(brake_levels) && !best.clear; i += 1) {
+        const bool brakes = i >= LEVELS(keep_levels);
+        const double level = brakes ? brake_levels[i - LEVELS(keep_levels)] : keep_levels[i];
+        if (!brakes && level > def->comfort_braking) {
+            continue;
+        }
+        const double jerk = brakes ? VG_JERK_MAX : vg_min(def->comfort_jerk, VG_JERK_MAX);
+        const vg_leg leg = fallback_leg(job, path, &state, level, jerk);
+        const double later = brakes ? DEAD_END_BRAKING : def->comfort_braking;
+        const verdict now = judge(ws, job, tracks, &leg, later);
+        if (i == from || better(&now, &best) || (ws->blocking != 0 && now.holds)) {
+            best = now;
+            best_leg = leg;
+            best_brakes = brakes;
+        }
+    }
+    vg_workspace_drive(ws, def, &best_leg, 0.0, 0, def->points - 1);
+    ws->cost = vg_leg_cost(&best_leg, 0.0, 0, def->points - 1, def,
+                           &job->vehicle->habit.weights, tracks, job->track_index, true);
+    plan->status = best_brakes ? VERGE_FALLBACK_BRAKE : VERGE_FALLBACK_KEEP_LANE;
+    plan->reason = reason;
+    vg_workspace_emit(ws, job, plan);
+}
+
+static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_state* state)
+{
+    if (job->on_road) {
+        const vg_path* path = vg_workspace_path(ws, job, job->lane, NULL);
+        *state = vg_state_of(path, &ws->start, job->s);
+        if (state->valid) {
+            return path;
+        }
+    }
+    straight_path(&ws->paths[0], &ws->start);
+    ws->path_lanes[0] = -1;
+    *state = (vg_state){ 0.0, ws->start.speed, ws->start.acceleration, 0.0, 0.0,
+                         ws->start.curvature, true };
+    return &ws->paths[0];
+}
+
+/// The straight line ahead of the rear axle; its coordinate is 0 there.
+static void straight_path(vg_path* path, const vg_motion* from)
+{
+    double sine, cosine;
+    vg_sincos(from->heading, &sine, &cosine);
+    path->knot_count = 8;
+    path->knot_spacing = 100.0;
+    path->start = -100.0;
+    path->anchor = 0;
+    for (uint32_t i = 0; i < path->knot_count; i += 1) {
+        const double s = path->start + path->knot_spacing * i;
+        path->x[i] = from->x + s * cosine;
+        path->y[i] = from->y + s * sine;
+        path->xss[i] = path->yss[i] = 0.0;
+    }
+}
+
+static vg_leg fallback_leg(const vg_job* job, const vg_path* path, const vg_state* state,
+                           double level, double jerk)
+{
+    vg_leg leg = { .path = path, .profile = vg_profile_braking(state, level, jerk) };
+    vg_leg_link(&leg, state, vg_max(CENTRING_S, job->def->point_s * (job->def->points - 1)), 0.0);
+    return leg;
+}
+
+/// braking: what a dead end may ask for after the horizon. [m/s^2]
+static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+                     const vg_leg* leg, double braking)
+{
+    const verge_planner_def* def = job->def;
+    const uint32_t last = def->points - 1;
+    verdict v = { .holds = true, .contact = last + 1 };
+    for (uint32_t i = 1; i <= last * LIMIT_PARTS && v.holds; i += 1) {
+        const vg_row row = vg_leg_row(leg, def->point_s * i / LIMIT_PARTS);
+        const vg_rear rear = vg_rear_of(&row, 0.0);
+        v.holds = vg_hard_ratio(&rear, row.s_t) <= 1.0;
+    }
+    vg_workspace_drive(ws, def, leg, 0.0, 0, last);
+    bool pressed = false;
+    for (uint32_t j = 0; j < tracks->count; j += 1) {
+        if (j != job->track_index) {
+            const uint32_t k = vg_contact_new(&ws->body, &tracks->of[j], 0.0, last);
+            v.contact = k < v.contact ? k : v.contact;
+            pressed |= (ws->blocking >> j & 1) != 0
+                    && presses(&ws->body, &tracks->of[j], last);
+        }
+    }
+    const vg_lane* lane = job->on_road ? &job->road->lanes[job->lane] : NULL;
+    const bool ends = lane != NULL && lane->dead_end;
+    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, DEAD_END_BRAKING);
+    v.speed = ws->body.speed[v.contact <= last && v.stays ? v.contact : last];
+    const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, braking);
+    v.clear = v.holds && v.contact > last && easily && !pressed;
+    return v;
+}
+
+/// Does the body go deeper into one in front that it overlaps from the start?
+static bool presses(const vg_track* body, const vg_track* other, uint32_t last)
+{
+    double first = 0.0;
+    for (uint32_t k = 0; k <= last && vg_contact_at(body, other, 0.0, k); k += 1) {
+        const double ahead = (other->x[k] - body->x[k]) * body->cos_heading[k]
+                           + (other->y[k] - body->y[k]) * body->sin_heading[k];
+        first = k == 0 ? ahead : first;
+        if (ahead < first - PRESS_SLACK) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/// Staying on a lane that ends counts more than a contact: braking for it, whoever is hit is hit
+/// from behind by one who can brake, too. Where neither stays, the slower one is better.
+static bool better(const verdict* a, const verdict* b)
+{
+    if (a->clear != b->clear) {
+        return a->clear;
+    }
+    if (a->holds != b->holds) {
+        return a->holds;
+    }
+    if (a->stays != b->stays) {
+        return a->stays;
+    }
+    if (!a->stays && a->speed != b->speed) {
+        return a->speed < b->speed;
+    }
+    return a->contact != b->contact ? a->contact > b->contact : a->speed < b->speed;
+}

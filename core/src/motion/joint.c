@@ -1,0 +1,134 @@
+/// All vehicles' trajectories. First each for itself, in parallel, against the predicted tracks
+/// (section 3.2.2: "parallel planners"); then one after the other, in the order of ids, wherever
+/// two final trajectories touch. The second part is serial and sees only final results of the
+/// first, so the executor cannot change the outcome.
+#include "motion/contact.h"
+#include "base/contract.h"
+#include "motion/workspace.h"
+
+/// Rounds of the joint check. After the last one a pair that still touches has one fallback.
+#define PASSES_MAX 3
+
+/// What a task of the executor reads and writes.
+typedef struct tasks {
+    vg_workspace* const* workspaces;
+    const vg_job*        jobs;
+    const vg_tracks*     tracks;
+    verge_vehicle_plan*  plans;
+} tasks;
+
+static void plan_one(void* arg, uint32_t index);
+static void settle(const vg_workspace* ws, const vg_job* job, vg_tracks* tracks);
+static bool touch(const vg_tracks* tracks, const vg_job* a, const vg_job* b);
+static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const vg_tracks* tracks,
+                       const verge_vehicle_plan* plans, uint32_t pass);
+static void force_apart(vg_workspace* const* workspaces, const vg_job* jobs, uint32_t count,
+                        vg_tracks* tracks, verge_vehicle_plan* plans);
+
+uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs,
+                             uint32_t job_count, vg_tracks* tracks, verge_vehicle_plan* plans,
+                             uint32_t* replanned_count)
+{
+    *replanned_count = 0;
+    if (job_count == 0) {
+        return 0;
+    }
+    for (uint32_t i = 0; i < job_count; i += 1) {
+        VERGE_ASSERT(jobs[i].track_index < tracks->count);
+        workspaces[i]->evaluated = 0;
+    }
+    tasks all = { workspaces, jobs, tracks, plans };
+    const verge_planner_def* def = jobs[0].def;
+    if (def->executor != NULL) {
+        def->executor(def->executor_context, plan_one, &all, job_count);
+    } else {
+        for (uint32_t i = 0; i < job_count; i += 1) {
+            plan_one(&all, i);
+        }
+    }
+    for (uint32_t i = 0; i < job_count; i += 1) {
+        settle(workspaces[i], &jobs[i], tracks);
+    }
+
+    bool changed = true;
+    for (uint32_t pass = 0; pass < PASSES_MAX && changed; pass += 1) {
+        changed = false;
+        for (uint32_t i = 0; i < job_count; i += 1) {
+            if (must_yield(i, jobs, job_count, tracks, plans, pass)) {
+                plan_one(&all, i);
+                settle(workspaces[i], &jobs[i], tracks);
+                *replanned_count += 1;
+                changed = true;
+            }
+        }
+    }
+    force_apart(workspaces, jobs, job_count, tracks, plans);
+
+    uint64_t evaluated = 0;
+    for (uint32_t i = 0; i < job_count; i += 1) {
+        evaluated += workspaces[i]->evaluated;
+    }
+    return evaluated;
+}
+
+static void plan_one(void* arg, uint32_t index)
+{
+    const tasks* all = arg;
+    vg_vehicle_plan_trajectory(all->workspaces[index], &all->jobs[index], all->tracks,
+                               &all->plans[index]);
+}
+
+/// The planned trajectory takes the place of the prediction.
+static void settle(const vg_workspace* ws, const vg_job* job, vg_tracks* tracks)
+{
+    vg_track* track = &tracks->of[job->track_index];
+    for (uint32_t k = 0; k < job->def->points; k += 1) {
+        track->x[k] = ws->body.x[k];
+        track->y[k] = ws->body.y[k];
+        track->cos_heading[k] = ws->body.cos_heading[k];
+        track->sin_heading[k] = ws->body.sin_heading[k];
+        track->speed[k] = ws->body.speed[k];
+    }
+}
+
+static bool touch(const vg_tracks* tracks, const vg_job* a, const vg_job* b)
+{
+    const uint32_t last = a->def->points - 1;
+    return vg_contact_new(&tracks->of[a->track_index], &tracks->of[b->track_index], 0.0, last)
+        <= last;
+}
+
+/// Of two that touch the later id yields, unless exactly one is a fallback: then the other one
+/// does, which still has a choice. Two fallbacks have none; but one that fell back before a mere
+/// prediction of a planned vehicle gets a second chance against its trajectory.
+static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const vg_tracks* tracks,
+                       const verge_vehicle_plan* plans, uint32_t pass)
+{
+    if (plans[i].status != VERGE_PLANNED) {
+        return pass == 0 && plans[i].reason == VERGE_REASON_JOINT;
+    }
+    for (uint32_t j = 0; j < count; j += 1) {
+        if ((j < i || (j > i && plans[j].status != VERGE_PLANNED))
+            && touch(tracks, &jobs[i], &jobs[j])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/// Whatever is still planned into another one falls back, so that a contact is never unsaid.
+static void force_apart(vg_workspace* const* workspaces, const vg_job* jobs, uint32_t count,
+                        vg_tracks* tracks, verge_vehicle_plan* plans)
+{
+    for (uint32_t i = 0; i < count; i += 1) {
+        for (uint32_t j = 0; j < i; j += 1) {
+            if (plans[i].status == VERGE_PLANNED && plans[j].status == VERGE_PLANNED
+                && touch(tracks, &jobs[i], &jobs[j])) {
+                vg_workspace_begin(workspaces[i], &jobs[i], tracks);
+                vg_vehicle_fall_back(workspaces[i], &jobs[i], tracks, &plans[i],
+                                     VERGE_REASON_JOINT);
+                settle(workspaces[i], &jobs[i], tracks);
+            }
+        }
+    }
+}

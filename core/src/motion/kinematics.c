@@ -1,0 +1,288 @@
+/// See kinematics.h. Profiles first, then the lateral link, then the way in and out.
+#include "motion/kinematics.h"
+
+#include "base/contract.h"
+
+/// Lateral links are at least this long where they are functions of the way. [m]
+#define LINK_WAY_MIN 10.0
+/// Share of the steering rate a lateral link may plan for; the rest is for the road's bends and
+/// for the difference between the link's ends and its middle. [1]
+#define LINK_STEER_SHARE 0.95
+/// A link is stretched at most so far beyond its leg, in steps of this factor. [1]
+#define LINK_STRETCH_MAX 4.0
+#define LINK_STRETCH_STEP 1.05
+/// Lateral acceleration a link is stretched to stay below. [m/s^2] under the comfort limit of 4
+#define LINK_LATERAL_MAX 3.2
+
+static vg_profile stop_smoothly(const vg_state* start, double T);
+static void append(vg_profile* profile, double duration, double jerk, double snap);
+static double link_strain(const vg_leg* leg, double d, double v, double a, double span,
+                          double offset, double speed);
+static void link_at(const vg_quintic* link, double x, double out[4]);
+
+vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T)
+{
+    VERGE_ASSERT(T > 0.0 && v1 >= 0.0);
+    if (v1 <= 0.0) {
+        return stop_smoothly(start, T);
+    }
+    // a(T) = 0 and v(T) = v1; the free end position makes the quintic a quartic:
+    // s(T) - s(0) = T (v0 + v1) / 2 + T^2 a0 / 12.
+    const double dv = v1 - start->s_t, a = start->s_tt;
+    vg_profile profile = { .count = 1 };
+    profile.pieces[0] = (vg_piece){ 0.0, start->s, start->s_t, a,
+                                    (6.0 * dv - 4.0 * a * T) / (T * T),
+                                    (6.0 * a * T - 12.0 * dv) / (T * T * T) };
+    return profile;
+}
+
+vg_profile vg_profile_braking(const vg_state* start, double level, double jerk)
+{
+    VERGE_ASSERT(level >= 0.0 && jerk > 0.0);
+    const double v = start->s_t, a = start->s_tt;
+    if (a <= 0.0 && v <= vg_max(a * a / (2.0 * jerk), 1e-6)) {
+        // Stops before the brakes could be released, or stands.
+        return stop_smoothly(start, a < 0.0 ? 3.0 * v / -a : 0.0);
+    }
+    vg_profile profile = { .count = 1 };
+    profile.pieces[0] = (vg_piece){ .s = start->s, .v = v, .a = a };
+    if (level <= 0.0) {
+        append(&profile, vg_abs(a) / jerk, a > 0.0 ? -jerk : jerk, 0.0);
+        profile.pieces[profile.count - 1].a = 0.0;
+        return profile;
+    }
+    // Down to -b, hold, up to 0 exactly at standstill; b is less where speed is too low for it.
+    const double peak = vg_sqrt(jerk * v + 0.5 * a * a);
+    const double b = vg_min(level, vg_max(peak, -a));
+    const bool   ease = a < -b;
+    append(&profile, vg_abs(a + b) / jerk, ease ? jerk : -jerk, 0.0);
+    vg_piece* hold = &profile.pieces[profile.count - 1];
+    hold->a = -b;
+    append(&profile, vg_max(0.0, (hold->v - b * b / (2.0 * jerk)) / b), 0.0, 0.0);
+    append(&profile, b / jerk, jerk, 0.0);
+    vg_piece* last = &profile.pieces[profile.count - 1];
+    last->v = last->a = 0.0; // exactly at rest, without the rounding of the pieces before
+    return profile;
+}
+
+/// v(u) = (1 - u)^2 (v0 + (2 v0 + a0 T) u), u = t / T, is >= 0 while 3 v0 + a0 T >= 0.
+static vg_profile stop_smoothly(const vg_state* start, double T)
+{
+    const double v = start->s_t;
+    const double a = v > 1e-6 ? start->s_tt : 0.0;
+    const double end = a < 0.0 ? vg_min(T, 3.0 * v / -a) : T;
+    vg_profile profile = { .count = 1 };
+    if (v <= 1e-6 || end < 1e-3) {
+        profile.pieces[0] = (vg_piece){ .s = start->s };
+        return profile;
+    }
+    profile.pieces[0] = (vg_piece){ 0.0, start->s, v, a, 0.0, 0.0 };
+    append(&profile, end, (-6.0 * v - 4.0 * a * end) / (end * end),
+           (6.0 * a * end + 12.0 * v) / (end * end * end));
+    vg_piece* last = &profile.pieces[1];
+    last->v = last->a = 0.0;
+    return profile;
+}
+
+/// Gives the last piece a jerk, a snap and an end, and begins the next one there.
+static void append(vg_profile* profile, double duration, double jerk, double snap)
+{
+    VERGE_ASSERT(profile->count < VG_PIECES_MAX);
+    vg_piece* last = &profile->pieces[profile->count - 1];
+    last->j = jerk;
+    last->snap = snap;
+    const vg_piece next = vg_profile_at(profile, last->t + duration);
+    profile->pieces[profile->count++] =
+        (vg_piece){ last->t + duration, next.s, next.v, next.a, 0.0, 0.0 };
+}
+
+vg_piece vg_profile_at(const vg_profile* profile, double t)
+{
+    uint32_t i = profile->count - 1;
+    while (i > 0 && t < profile->pieces[i].t) {
+        i -= 1;
+    }
+    const vg_piece* p = &profile->pieces[i];
+    const double h = t - p->t;
+    vg_piece at;
+    at.t = t;
+    at.s = p->s + h * (p->v + h * (p->a / 2.0 + h * (p->j / 6.0 + h * p->snap / 24.0)));
+    at.v = p->v + h * (p->a + h * (p->j / 2.0 + h * p->snap / 6.0));
+    at.a = p->a + h * (p->j + h * p->snap / 2.0);
+    at.j = p->j + h * p->snap;
+    at.snap = p->snap;
+    return at;
+}
+
+void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset)
+{
+    double slowest = start->s_t, fastest = start->s_t;
+    for (uint32_t i = 1; i <= 20; i += 1) { // twentieths: a cubic speed hides nothing between
+        const double v = vg_profile_at(&leg->profile, T * i / 20.0).v;
+        slowest = vg_min(slowest, v);
+        fastest = vg_max(fastest, v);
+    }
+    leg->s_start = start->s;
+    leg->by_way = slowest < VERGE_SPEED_SLOW;
+    const double way = vg_profile_at(&leg->profile, T).s - start->s;
+    const double v = leg->by_way ? 1.0 : start->s_t;
+    const double d_v = start->d1 * v;
+    const double d_a = leg->by_way ? start->d2 : start->d2 * v * v + start->d1 * start->s_tt;
+    const double shortest = leg->by_way ? vg_max(way, LINK_WAY_MIN) : T;
+    const double speed = leg->by_way ? vg_max(fastest, 0.5) : slowest;
+
+    // The least stretch that strains neither steering nor comfort, else the least strained one.
+    double least = VG_HUGE;
+    leg->span = shortest;
+    for (double span = shortest; span <= LINK_STRETCH_MAX * shortest && least > 1.0;
+         span *= LINK_STRETCH_STEP) {
+        const double strain = link_strain(leg, start->d, d_v, d_a, span, offset, speed);
+        if (strain < least) {
+            least = strain;
+            leg->span = span;
+        }
+    }
+    const vg_axis_state here = { start->d, d_v, d_a }, none = { 0.0, 0.0, 0.0 };
+    const vg_axis_state one = { 1.0, 0.0, 0.0 };
+    leg->base = vg_quintic_between(here, none, leg->span);
+    leg->shape = vg_quintic_between(none, one, leg->span);
+}
+
+/// How far the link to `offset` exceeds what steering rate and comfort allow: above 1 it does.
+/// Steering shows in the third derivative at both ends, comfort in the rise of the second.
+static double link_strain(const vg_leg* leg, double d, double v, double a, double span,
+                          double offset, double speed)
+{
+    const double rise = offset - d;
+    const double T = span;
+    const double first = 60.0 * rise / (T * T * T) - 36.0 * v / (T * T) - 9.0 * a / T;
+    const double last = 60.0 * rise / (T * T * T) - 24.0 * v / (T * T) - 3.0 * a / T;
+    const double third = vg_max(vg_abs(first), vg_abs(last));
+    // Peak of the second derivative of a link from rest to rest: 10 / sqrt(3) rise / T^2.
+    const double second = 5.7735 * vg_abs(rise - 0.5 * v * T) / (T * T);
+    const double rate = LINK_STEER_SHARE * VERGE_STEER_RATE_MAX / VERGE_WHEELBASE; // [1/(m s)]
+    const double third_max = leg->by_way ? rate / speed : rate * speed * speed;
+    const double second_max = leg->by_way ? vg_min(LINK_LATERAL_MAX / (speed * speed), 0.2)
+                                          : LINK_LATERAL_MAX;
+    return vg_max(third / third_max, second / second_max);
+}
+
+/// Offset and three derivatives, x behind the link's start.
+static void link_at(const vg_quintic* link, double x, double out[4])
+{
+    const vg_axis_sample at = vg_quintic_at(link, x);
+    out[0] = at.position;
+    out[1] = at.velocity;
+    out[2] = at.acceleration;
+    out[3] = at.jerk;
+}
+
+/// Derivatives in time to derivatives in way.
+static void in_way(double d[4], const vg_piece* at)
+{
+    const double iv = 1.0 / at->v;
+    const double d1 = d[1] * iv;
+    const double d2 = (d[2] - d1 * at->a) * iv * iv;
+    const double d3 = (d[3] - 3.0 * d2 * at->v * at->a - d1 * at->j) * iv * iv * iv;
+    d[1] = d1;
+    d[2] = d2;
+    d[3] = d3;
+}
+
+vg_row vg_leg_row(const vg_leg* leg, double t)
+{
+    const vg_piece at = vg_profile_at(&leg->profile, t);
+    vg_row row = { .line = vg_path_at(leg->path, at.s),
+                   .s = at.s, .s_t = at.v, .s_tt = at.a, .s_ttt = at.j };
+    const double x = leg->by_way ? at.s - leg->s_start : t;
+    if (x >= leg->span) {
+        row.shape[0] = 1.0; // arrived: base and all derivatives are zero
+        return row;
+    }
+    link_at(&leg->base, x, row.base);
+    link_at(&leg->shape, x, row.shape);
+    if (!leg->by_way) {
+        in_way(row.base, &at);
+        in_way(row.shape, &at);
+    }
+    return row;
+}
+
+vg_state vg_leg_state(const vg_leg* leg, double offset, double t)
+{
+    const vg_row row = vg_leg_row(leg, t);
+    return (vg_state){ row.s, vg_max(row.s_t, 0.0), row.s_tt,
+                       row.base[0] + offset * row.shape[0], row.base[1] + offset * row.shape[1],
+                       row.base[2] + offset * row.shape[2], true };
+}
+
+vg_motion vg_motion_of(const vg_rear* rear)
+{
+    return (vg_motion){ rear->x, rear->y, vg_atan2(rear->sin_heading, rear->cos_heading),
+                        vg_max(rear->speed, 0.0), rear->acceleration, rear->curvature };
+}
+
+vg_state vg_state_of(const vg_path* path, const vg_motion* rear, double s_guess)
+{
+    vg_state state = { .s = vg_path_project(path, rear->x, rear->y, s_guess) };
+    const vg_reference at = vg_path_at(path, state.s);
+    double sine, cosine;
+    vg_sincos(rear->heading, &sine, &cosine);
+    const double c = cosine * at.cos_heading + sine * at.sin_heading;
+    const double s = sine * at.cos_heading - cosine * at.sin_heading;
+    state.d = (rear->y - at.y) * at.cos_heading - (rear->x - at.x) * at.sin_heading;
+    const double k = at.curvature, q = 1.0 - k * state.d;
+    if (c < 0.2 || q < VG_FRAME_MIN) {
+        return state; // more than 78 degrees across the line, or the frame folds
+    }
+    const double tangent = s / c;
+    state.d1 = q * tangent;
+    const double bend = at.curvature_rate * state.d + k * state.d1;
+    const double turn = rear->curvature * q / c - k; // of the heading against the line's, in way
+    state.d2 = -bend * tangent + q / (c * c) * turn;
+    state.s_t = rear->speed * c / q;
+    state.s_tt = (rear->acceleration * c
+                  - state.s_t * state.s_t * (q * tangent * turn - bend)) / q;
+    state.valid = true;
+    return state;
+}
+
+vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t)
+{
+    // The centre moves with (v, curvature v a) in the body's frame, a the distance of the axle.
+    const double a = VERGE_REAR_AXLE;
+    const double ratio = vg_sqrt(1.0 + vg_square(a * rear->curvature));
+    double sine, cosine;
+    vg_sincos(rear->heading, &sine, &cosine);
+
+    vg_motion centre;
+    centre.x = rear->x + a * cosine;
+    centre.y = rear->y + a * sine;
+    centre.heading = rear->heading;
+    centre.speed = rear->speed * ratio;
+    centre.acceleration = rear->acceleration * ratio
+                          + rear->speed * rear->curvature * curvature_t * a * a / ratio;
+    centre.curvature = rear->curvature / ratio;
+    return centre;
+}
+
+vg_motion vg_motion_of_rear(const vg_motion* centre)
+{
+    const double a = VERGE_REAR_AXLE;
+    // Yaw rate over speed of a car's centre is below 0.5 / m (VERGE_CURVATURE_MAX); measured
+    // states may claim more, up to a spin about the rear axle, where the ratio has no answer.
+    const double limit = 0.95 / a;
+    const double curvature = vg_clamp(centre->curvature, -limit, limit);
+    const double ratio = 1.0 / vg_sqrt(1.0 - vg_square(a * curvature));
+    double sine, cosine;
+    vg_sincos(centre->heading, &sine, &cosine);
+
+    vg_motion rear;
+    rear.x = centre->x - a * cosine;
+    rear.y = centre->y - a * sine;
+    rear.heading = centre->heading;
+    rear.speed = centre->speed / ratio;
+    rear.acceleration = centre->acceleration / ratio;
+    rear.curvature = curvature * ratio;
+    return rear;
+}

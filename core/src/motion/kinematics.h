@@ -1,0 +1,188 @@
+/// The motion of one candidate: a way profile s(t), a lateral link d, and the exact motion of
+/// the rear axle that follows from both (Werling et al. 2010, written in the line's own frame).
+///
+/// Everything lateral is a function of the way: d(s) and its derivatives. A link in time, d(t),
+/// is turned into one where the speed is known to be above VERGE_SPEED_SLOW, so one set of
+/// formulas serves standstill and motorway. The link is linear in its end offset,
+///     d = base + offset * shape,
+/// so candidates that share a profile share everything but one multiplication (vg_row): the loop
+/// over offsets has neither look-ups nor trigonometry.
+#ifndef VG_KINEMATICS_H
+#define VG_KINEMATICS_H
+
+#include "geometry/quintic.h"
+#include "motion/path.h"
+#include "base/scalar.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// Below this the line's frame folds: the point is too near the line's centre of curvature. [1]
+#define VG_FRAME_MIN 0.1
+
+/// Motion of a point in the plane.
+typedef struct vg_motion {
+    double x, y, heading;  ///< [m], [m], [rad]
+    double speed;          ///< [m/s] >= 0
+    double acceleration;   ///< [m/s^2] along the path
+    double curvature;      ///< [1/m]
+} vg_motion;
+
+/// The centre's motion from the rear axle's and back; see VERGE_REAR_AXLE. curvature is yaw rate
+/// over speed of the point in question. The centre's acceleration needs the curvature's rate in
+/// time [1/(m s)] of the rear axle, to be exact. The way back takes that rate as 0, and limits
+/// the curvature to what a car can turn. heading is that of the body in both.
+vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t);
+vg_motion vg_motion_of_rear(const vg_motion* centre);
+
+/// Position on a path with the derivatives that survive standstill: the way in time, the offset
+/// in way. Of the rear axle.
+typedef struct vg_state {
+    double s, s_t, s_tt;  ///< [m], [m/s] >= 0, [m/s^2]
+    double d, d1, d2;     ///< [m], [1], [1/m]: d, dd/ds, d2d/ds2
+    bool   valid;         ///< false: the body stands across the line or the frame folds
+} vg_state;
+
+/// s(t) in up to five pieces of constant snap; the last one goes on for ever.
+enum { VG_PIECES_MAX = 5 };
+typedef struct vg_piece {
+    double t, s, v, a, j, snap;
+} vg_piece;
+typedef struct vg_profile {
+    uint32_t count;
+    vg_piece pieces[VG_PIECES_MAX];
+} vg_profile;
+
+/// One end speed of one segment: all its candidates but for their end offset.
+typedef struct vg_leg {
+    const vg_path* path;
+    vg_profile profile;   ///< t = 0 at the start of the segment
+    double s_start;       ///< [m]
+    bool   by_way;        ///< d(s); else d(t)
+    double span;          ///< [m] or [s] after which the offset is reached
+    vg_quintic base;      ///< link in way or time from the start state to offset 0
+    vg_quintic shape;     ///< link from rest at offset 0 to rest at offset 1
+} vg_leg;
+
+/// One leg at one instant.
+typedef struct vg_row {
+    vg_reference line;
+    double s, s_t, s_tt, s_ttt;
+    double base[4], shape[4]; ///< d and its first three derivatives in way
+} vg_row;
+
+/// The rear axle at one instant.
+typedef struct vg_rear {
+    double x, y, cos_heading, sin_heading;
+    double d;               ///< [m] from the line
+    double cos_off, sin_off;///< [1] of the heading against the line's
+    double speed, acceleration, jerk;
+    double curvature, curvature_t; ///< [1/m], [1/(m s)]
+    double frame;           ///< [1] 1 - curvature_r * d, before it is guarded
+    double d1, d2;          ///< [1], [1/m]
+} vg_rear;
+
+/// State on a path of a rear axle that moves like this, near coordinate s.
+vg_state vg_state_of(const vg_path* path, const vg_motion* rear, double s_guess);
+vg_motion vg_motion_of(const vg_rear* rear);
+
+/// Jerk-optimal way with a free end position from (s, v, a) to speed v1 at rest of acceleration
+/// after T. Never backwards where v1 = 0: it stops earlier if the deceleration at hand asks for it.
+vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T);
+/// Jerk-limited braking to a standstill at `level` [m/s^2]; level 0: constant speed.
+vg_profile vg_profile_braking(const vg_state* start, double level, double jerk);
+vg_piece vg_profile_at(const vg_profile* profile, double t);
+
+/// Chooses the link for a leg of length T that is to end near an offset: in time, or in
+/// way where the profile is slow; longer than T where the steering could not follow otherwise
+/// (the change then goes on beyond the leg).
+void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset);
+vg_row vg_leg_row(const vg_leg* leg, double t);
+vg_state vg_leg_state(const vg_leg* leg, double offset, double t);
+
+/// Motion of the rear axle. Branch-free: loops over offsets become vector code. The line's
+/// second curvature rate is taken as zero, as it is between the knots of a cubic spline.
+static inline vg_rear vg_rear_of(const vg_row* row, double offset)
+{
+    const double k = row->line.curvature, k1 = row->line.curvature_rate;
+    const double d  = row->base[0] + offset * row->shape[0];
+    const double d1 = row->base[1] + offset * row->shape[1];
+    const double d2 = row->base[2] + offset * row->shape[2];
+    const double d3 = row->base[3] + offset * row->shape[3];
+
+    // (q, d1) is the derivative of the position in way, in the line's frame; m its length.
+    const double frame = 1.0 - k * d;
+    const double q  = vg_max(frame, 0.5 * VG_FRAME_MIN);
+    const double q1 = -(k1 * d + k * d1);
+    const double q2 = -(2.0 * k1 * d1 + k * d2);
+    const double m  = vg_sqrt(q * q + d1 * d1);
+    const double im = 1.0 / m;
+    const double m1 = (q * q1 + d1 * d2) * im;
+    const double m2 = (q1 * q1 + q * q2 + d2 * d2 + d1 * d3 - m1 * m1) * im;
+
+    // Curvature is the cross product of first and second derivative over m^3.
+    const double along = q1 - k * d1, across = d2 + k * q;
+    const double cross = q * across - d1 * along;
+    const double cross1 = q1 * across + q * (d3 + k1 * q + k * q1)
+                        - d2 * along - d1 * (q2 - k1 * d1 - k * d2);
+    const double im3 = im * im * im;
+    const double c = q * im, s = d1 * im;
+    const double v = row->s_t;
+
+    vg_rear rear;
+    rear.x = row->line.x - d * row->line.sin_heading;
+    rear.y = row->line.y + d * row->line.cos_heading;
+    rear.cos_heading = row->line.cos_heading * c - row->line.sin_heading * s;
+    rear.sin_heading = row->line.sin_heading * c + row->line.cos_heading * s;
+    rear.d = d;
+    rear.cos_off = c;
+    rear.sin_off = s;
+    rear.speed = v * m;
+    rear.acceleration = row->s_tt * m + v * v * m1;
+    rear.jerk = row->s_ttt * m + 3.0 * v * row->s_tt * m1 + v * v * v * m2;
+    rear.curvature = cross * im3;
+    rear.curvature_t = (cross1 - 3.0 * cross * m1 * im) * im3 * v;
+    rear.frame = frame;
+    rear.d1 = d1;
+    rear.d2 = d2;
+    return rear;
+}
+
+/// Limits as ratios: above 1 a limit is broken. The car's own (config.h).
+static inline double vg_hard_ratio(const vg_rear* rear, double way_speed)
+{
+    const double v = rear->speed, a = rear->acceleration;
+    const double lateral = v * v * rear->curvature;
+    const double bend = VERGE_WHEELBASE * rear->curvature;
+    const double steer = vg_abs(VERGE_WHEELBASE * rear->curvature_t / (1.0 + bend * bend));
+    double worst = vg_abs(rear->curvature) * (1.0 / VERGE_CURVATURE_MAX);
+    worst = vg_max(worst, steer * (1.0 / VERGE_STEER_RATE_MAX));
+    worst = vg_max(worst, a * vg_max(1.0, v * (1.0 / VERGE_SPEED_SWITCH))
+                              * (1.0 / VERGE_ACCELERATION_MAX));
+    worst = vg_max(worst, (a * a + lateral * lateral)
+                              * (1.0 / (VERGE_ACCELERATION_MAX * VERGE_ACCELERATION_MAX)));
+    worst = vg_max(worst, v * (1.0 / VERGE_SPEED_MAX));
+    worst = rear->frame < VG_FRAME_MIN ? 1e9 : worst;
+    return way_speed < -1e-9 ? 1e9 : worst;
+}
+
+/// Limits of normal driving, as reciprocals so that a ratio is a product.
+typedef struct vg_comfort {
+    double acceleration, braking, lateral, jerk;
+} vg_comfort;
+
+static inline double vg_comfort_ratio(const vg_comfort* limit, const vg_rear* rear)
+{
+    const double a = rear->acceleration;
+    double worst = vg_abs(rear->speed * rear->speed * rear->curvature) * limit->lateral;
+    worst = vg_max(worst, a * limit->acceleration);
+    worst = vg_max(worst, -a * limit->braking);
+    return vg_max(worst, vg_abs(rear->jerk) * limit->jerk);
+}
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,163 @@
+/// One vehicle's reference path: lanes strung together. Where a survey leaves a step between two
+/// lanes (a merge, a diverge, a gap), the step in position and direction fades out over some
+/// metres away from the anchor lane, so that the anchor stays as it is and the path stays smooth.
+#include "motion/path.h"
+
+#include "base/contract.h"
+#include "base/scalar.h"
+
+#include <stddef.h>
+
+enum { PIECES_MAX = 32 };
+static const double fade_length = 15.0;   // [m] over which a step fades
+static const double fade_per_metre = 20.0; // [m] more for every metre of step
+
+/// A lane within the path.
+typedef struct piece {
+    const vg_lane* lane;
+    double start;         ///< [m] path coordinate of its s = 0
+    // The step at its end towards the anchor, in position and in direction.
+    double x, y, xs, ys;
+    double fade;          ///< [m]
+} piece;
+
+typedef struct pieces {
+    piece    before[PIECES_MAX], behind[PIECES_MAX]; ///< walking away from the anchor
+    uint32_t before_count, behind_count;
+} pieces;
+
+static void collect_behind(pieces* all, const struct verge_road* road, uint32_t lane,
+                           int32_t target, double s_to);
+static void collect_before(pieces* all, const struct verge_road* road, uint32_t lane,
+                           double s_from);
+static void set_step(piece* self, const vg_reference* held, const vg_reference* own);
+static void point_of(const pieces* all, double s, double* x, double* y);
+static void fade(const piece* self, double way, double direction, double* x, double* y);
+
+void vg_path_build(vg_path* path, const struct verge_road* road, uint32_t lane, int32_t target,
+                   double s_from, double s_to)
+{
+    VERGE_ASSERT(lane < road->lane_count && target < (int32_t)road->lane_count);
+    VERGE_ASSERT(vg_finite(s_from) && vg_finite(s_to));
+
+    const double length_max = VG_KNOT_SPACING * (double)(VG_PATH_KNOTS_MAX - 1);
+    const double length = vg_clamp(s_to - s_from, 4.0, length_max);
+    pieces all;
+    all.before[0] = all.behind[0] = (piece){ .lane = &road->lanes[lane] };
+    all.before_count = all.behind_count = 1;
+    collect_behind(&all, road, lane, target, s_from + length);
+    collect_before(&all, road, lane, s_from);
+
+    const double intervals = length / VG_KNOT_SPACING;
+    const uint32_t whole = (uint32_t)intervals; // 4 .. VG_PATH_KNOTS_MAX - 1
+    path->knot_count = whole + ((double)whole < intervals ? 2u : 1u);
+    path->knot_spacing = length / (double)(path->knot_count - 1);
+    path->start = s_from;
+    path->anchor = lane;
+    double h[VG_PATH_KNOTS_MAX], work[VG_PATH_KNOTS_MAX];
+    for (uint32_t i = 0; i < path->knot_count; ++i) {
+        h[i] = path->knot_spacing;
+        point_of(&all, s_from + path->knot_spacing * (double)i, &path->x[i], &path->y[i]);
+    }
+    vg_spline_solve(path->x, h, path->knot_count, NULL, path->xss, work);
+    vg_spline_solve(path->y, h, path->knot_count, NULL, path->yss, work);
+}
+
+static void collect_behind(pieces* all, const struct verge_road* road, uint32_t lane,
+                           int32_t target, double s_to)
+{
+    while (all->behind_count < PIECES_MAX) {
+        const piece* last = &all->behind[all->behind_count - 1];
+        const double end = last->start + last->lane->length;
+        const int32_t next = vg_road_next(road, lane, target);
+        if (end >= s_to || next < 0) {
+            break;
+        }
+        lane = (uint32_t)next;
+        double x, y;
+        vg_reference held = vg_lane_at(last->lane, last->lane->length);
+        piece* added = &all->behind[all->behind_count];
+        *added = (piece){ .lane = &road->lanes[lane] };
+        const vg_reference own = vg_lane_at(added->lane, 0.0);
+        const double gap = (own.x - held.x) * held.cos_heading
+                           + (own.y - held.y) * held.sin_heading;
+        added->start = end + vg_max(gap, 0.0);
+        point_of(all, added->start, &x, &y); // straight on across a gap, with what has not faded
+        held.x = x;
+        held.y = y;
+        set_step(added, &held, &own);
+        all->behind_count++;
+    }
+}
+
+static void collect_before(pieces* all, const struct verge_road* road, uint32_t lane,
+                           double s_from)
+{
+    while (all->before_count < PIECES_MAX) {
+        const piece* first = &all->before[all->before_count - 1];
+        const int32_t before = vg_lane_before(road, lane);
+        if (first->start <= s_from || before < 0) {
+            break;
+        }
+        lane = (uint32_t)before;
+        double x, y;
+        vg_reference held = vg_lane_at(first->lane, 0.0);
+        piece* added = &all->before[all->before_count];
+        *added = (piece){ .lane = &road->lanes[lane] };
+        const vg_reference own = vg_lane_at(added->lane, added->lane->length);
+        const double gap = (held.x - own.x) * held.cos_heading
+                           + (held.y - own.y) * held.sin_heading;
+        const double end = first->start - vg_max(gap, 0.0);
+        added->start = end - added->lane->length;
+        point_of(all, end, &x, &y);
+        held.x = x;
+        held.y = y;
+        set_step(added, &held, &own);
+        all->before_count++;
+    }
+}
+
+static void set_step(piece* self, const vg_reference* held, const vg_reference* own)
+{
+    self->x = held->x - own->x;
+    self->y = held->y - own->y;
+    self->xs = held->cos_heading - own->cos_heading;
+    self->ys = held->sin_heading - own->sin_heading;
+    self->fade = fade_length + fade_per_metre * vg_sqrt(self->x * self->x + self->y * self->y);
+}
+
+/// The path at s: on its lane, moved by what is left of every step between there and the anchor.
+static void point_of(const pieces* all, double s, double* x, double* y)
+{
+    const bool ahead = s >= 0.0;
+    const piece* list = ahead ? all->behind : all->before;
+    const uint32_t count = ahead ? all->behind_count : all->before_count;
+    uint32_t at = 0;
+    // The last piece that has begun (ahead), or the last one whose end is not yet passed (back).
+    while (at + 1 < count && (ahead ? list[at + 1].start <= s
+                                    : list[at + 1].start + list[at + 1].lane->length >= s)) {
+        ++at;
+    }
+    const vg_reference here = vg_lane_at(list[at].lane, s - list[at].start);
+    *x = here.x;
+    *y = here.y;
+    for (uint32_t i = 1; i <= at; ++i) {
+        const double seam = ahead ? list[i].start : list[i].start + list[i].lane->length;
+        fade(&list[i], ahead ? s - seam : seam - s, ahead ? 1.0 : -1.0, x, y);
+    }
+}
+
+/// Adds what is left of a step, `way` metres behind it: the cubic that begins with the step in
+/// position and slope and ends with neither.
+static void fade(const piece* self, double way, double direction, double* x, double* y)
+{
+    const double u = way / self->fade;
+    if (u >= 1.0) {
+        return;
+    }
+    const double rest = 1.0 - u;
+    const double position = rest * rest * (1.0 + 2.0 * u);
+    const double slope = direction * self->fade * u * rest * rest;
+    *x += position * self->x + slope * self->xs;
+    *y += position * self->y + slope * self->ys;
+}

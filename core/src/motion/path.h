@@ -1,0 +1,48 @@
+/// The line that one trajectory is planned along.
+#ifndef VG_PATH_H
+#define VG_PATH_H
+
+#include "road/road.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// A smooth reference path for one vehicle's trajectory: a lane, the lanes before it and the
+/// lanes that continue it, joined into one C2 spline; beyond the last lane it goes on straight.
+enum { VG_PATH_KNOTS_MAX = 640 };
+typedef struct vg_path {
+    uint32_t knot_count;
+    double   knot_spacing;         ///< [m] uniform
+    double   start;                ///< [m] path coordinate of knot 0 (<= 0: before the anchor lane's s = 0)
+    double   x[VG_PATH_KNOTS_MAX], y[VG_PATH_KNOTS_MAX];
+    double   xss[VG_PATH_KNOTS_MAX], yss[VG_PATH_KNOTS_MAX];
+    uint32_t anchor;               ///< lane index; the path coordinate equals the anchor lane's s on it
+} vg_path;
+
+/// Path along `lane` (index) towards `target` (index or -1), covering [s_from, s_to] of the lane's
+/// s, which may lie before its start or beyond its end. Cut to what fits; s_to - s_from <= 600.
+void vg_path_build(vg_path* path, const struct verge_road* road, uint32_t lane, int32_t target,
+                   double s_from, double s_to);
+
+static inline vg_line vg_path_line(const vg_path* path)
+{
+    return (vg_line){ path->x, path->y, path->xss, path->yss, path->knot_count, path->knot_spacing,
+                      path->start };
+}
+static inline vg_reference vg_path_at(const vg_path* path, double s) ///< straight on beyond the ends
+{
+    const vg_line line = vg_path_line(path);
+    return vg_line_at(&line, s);
+}
+static inline double vg_path_project(const vg_path* path, double x, double y, double s_guess)
+{
+    const vg_line line = vg_path_line(path);
+    return vg_line_project(&line, x, y, s_guess);
+}
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,368 @@
+/// One vehicle's trajectory: a greedy chain of segments (section 3.2.2). For each segment all
+/// candidates of its target region are evaluated at once (batch.c); then, cheapest first, the
+/// first one that passes every exact check is taken, and its end is the next segment's start.
+///
+/// Attempts, until one succeeds: as decided; in the present lane for the whole horizon; both
+/// again without the limits of normal driving; the fallback.
+#include "motion/sampler.h"
+
+#include "motion/contact.h"
+#include "base/contract.h"
+#include "motion/target.h"
+#include "motion/workspace.h"
+
+/// First-segment choices followed up before a chain is given up. Each costs one more batch.
+#define FIRST_TRIES_MAX 6
+/// Sub-steps per point of the exact limit check: 10 ms at 0.1 s.
+#define LIMIT_PARTS 10
+/// Below this speed brakes may be released faster than the jerk limit. [m/s]
+#define JOLT_SPEED 0.5
+/// Deceleration a dead end may ask for where comfort is dropped. [m/s^2] dry road
+#define DEAD_END_BRAKING 8.0
+
+/// What a chain needs to know.
+typedef struct chain {
+    const vg_job*    job;
+    const vg_tracks* tracks;
+    bool emergency;
+} chain;
+
+static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* segments,
+                       uint32_t count);
+static bool plan_rest(vg_workspace* ws, const chain* chain, const vg_segment* segments,
+                      uint32_t count, uint32_t start, uint32_t lane);
+static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
+                    const vg_segment* segment, uint32_t start, uint32_t lane,
+                    const vg_motion* from);
+static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32_t lane,
+                   uint32_t* choice);
+static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* chain,
+                       uint32_t lane, uint32_t candidate);
+static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
+                        uint32_t lane, const vg_leg* leg);
+static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
+                        double offset);
+static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain);
+static uint32_t reference_lane(const vg_job* job, const vg_segment* segment, uint32_t lane);
+static uint32_t instant_of(const vg_job* job, const vg_segment* segment);
+
+void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+                                verge_vehicle_plan* plan)
+{
+    VERGE_ASSERT(job->def->points >= 2 && job->def->points <= VERGE_POINTS_MAX);
+    vg_workspace_begin(ws, job, tracks);
+    if (!job->on_road) {
+        vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OFF_ROAD);
+        return;
+    }
+    if (ws->blocking != 0) { // no way on through a body that is in front
+        vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OVERLAP_NOW);
+        return;
+    }
+    const vg_segment keep = { .t1 = job->def->point_s * (job->def->points - 1),
+                              .action = VERGE_KEEP_SPEED, .lane = job->lane, .s = job->s,
+                              .v = job->vehicle->speed };
+    bool found = false;
+    for (uint32_t attempt = 0; attempt < 4 && !found; attempt += 1) {
+        const chain chain = { job, tracks, attempt >= 2 };
+        found = attempt % 2 == 0 ? plan_chain(ws, &chain, job->segments, job->segment_count)
+                                 : plan_chain(ws, &chain, &keep, 1);
+    }
+    if (!found) {
+        const vg_refusals* r = &ws->refusals;
+        const verge_reason reason = r->overlap              ? VERGE_REASON_OVERLAP_NOW
+                                  : r->human                ? VERGE_REASON_COLLISION
+                                  : r->planned              ? VERGE_REASON_JOINT
+                                                            : VERGE_REASON_NO_FEASIBLE;
+        vg_vehicle_fall_back(ws, job, tracks, plan, reason);
+        return;
+    }
+    // A trajectory that begins in an overlap is driven, but never called a good plan.
+    plan->status = ws->refusals.overlap ? VERGE_FALLBACK_KEEP_LANE : VERGE_PLANNED;
+    plan->reason = ws->refusals.overlap ? VERGE_REASON_OVERLAP_NOW : VERGE_REASON_NONE;
+    vg_workspace_emit(ws, job, plan);
+}
+
+static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* segments,
+                       uint32_t count)
+{
+    const vg_job* job = chain->job;
+    // Segments that end before the first instant leave nothing to drive.
+    while (count > 1 && instant_of(job, segments) == 0) {
+        segments += 1;
+        count -= 1;
+    }
+    if (count == 0) {
+        return false;
+    }
+    vg_batch* batch = &ws->first;
+    const uint32_t lane = reference_lane(job, segments, job->lane);
+    batch->last = count == 1 ? job->def->points - 1 : instant_of(job, segments);
+    if (!prepare(ws, batch, chain, segments, 0, lane, &ws->start)) {
+        return false;
+    }
+    for (uint32_t i = 0; i < FIRST_TRIES_MAX; i += 1) {
+        uint32_t choice;
+        ws->cost = (verge_cost){ 0 };
+        if (!choose(ws, batch, chain, lane, &choice)) {
+            return false;
+        }
+        if (plan_rest(ws, chain, segments + 1, count - 1, batch->last, lane)) {
+            return true;
+        }
+        const uint32_t leg = choice / batch->offset_count;
+        for (uint32_t j = 0; j < batch->offset_count; j += 1) {
+            batch->marks[leg * batch->offset_count + j] |= VG_TRIED; // the next: another speed
+        }
+    }
+    return false;
+}
+
+/// Continues from instant `start`, segment by segment, cheapest acceptable candidate each.
+static bool plan_rest(vg_workspace* ws, const chain* chain, const vg_segment* segments,
+                      uint32_t count, uint32_t start, uint32_t lane)
+{
+    const vg_job* job = chain->job;
+    for (uint32_t i = 0; i < count && start + 1 < job->def->points; i += 1) {
+        const bool last = i + 1 == count;
+        const uint32_t end = last ? job->def->points - 1 : instant_of(job, &segments[i]);
+        if (end <= start) {
+            continue;
+        }
+        lane = reference_lane(job, &segments[i], lane);
+        const vg_motion motion = vg_motion_of(&ws->motion[start]);
+        uint32_t choice;
+        ws->later.last = end;
+        if (!prepare(ws, &ws->later, chain, &segments[i], start, lane, &motion)
+            || !choose(ws, &ws->later, chain, lane, &choice)) {
+            return false;
+        }
+        start = end;
+    }
+    return start + 1 == job->def->points;
+}
+
+/// Samples and evaluates the candidates of a segment.
+static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
+                    const vg_segment* segment, uint32_t start, uint32_t lane,
+                    const vg_motion* from)
+{
+    const vg_job* job = chain->job;
+    const verge_planner_def* def = job->def;
+    const vg_path* keep = start == 0 ? NULL : ws->first.legs[0].path;
+    const vg_path* path = vg_workspace_path(ws, job, lane, keep);
+    // On one's own lane one knows where one is: the nearest point may be another turn of a ring.
+    const bool same = lane == (start == 0 ? job->lane : ws->lane);
+    const double near = start == 0 ? job->s : ws->s;
+    const double guess = same ? near
+                              : vg_lane_project(&job->road->lanes[lane], from->x, from->y,
+                                                __builtin_nan(""));
+    const vg_state state = vg_state_of(path, from, guess);
+    if (!state.valid) {
+        return false;
+    }
+    batch->start = start;
+    batch->in_lane = !vg_action_changes_lane(segment->action);
+    // What the vehicle does already cannot be undone at once: it widens the limits.
+    const double lateral = vg_abs(from->speed * from->speed * from->curvature);
+    const double a = from->acceleration;
+    batch->comfort = (vg_comfort){ 1.0 / vg_max(def->comfort_acceleration, 1.05 * a),
+                                   1.0 / vg_max(def->comfort_braking, -1.05 * a),
+                                   1.0 / vg_max(def->comfort_lateral, 1.05 * lateral),
+                                   1.0 / def->comfort_jerk };
+    vg_target_sample(batch, job, segment, path, lane, &state, def->point_s * (batch->last - start),
+                     chain->tracks, chain->emergency);
+    vg_batch_run(batch, def, &job->vehicle->habit.weights, chain->tracks, job->track_index);
+    ws->evaluated += batch->leg_count * batch->offset_count;
+    return true;
+}
+
+/// The cheapest candidate that passes; its points and its cost are then part of the trajectory.
+static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32_t lane,
+                   uint32_t* choice)
+{
+    const uint32_t count = batch->leg_count * batch->offset_count;
+    const unsigned refuse = VG_TRIED | VG_INFEASIBLE | (chain->emergency ? 0u : VG_UNCOMFORTABLE);
+    for (uint32_t round = 0; round < count; round += 1) {
+        uint32_t best = count;
+        double least = VG_HUGE;
+        for (uint32_t i = 0; i < count; i += 1) {
+            const double cost = batch->costs[i] + batch->leg_penalties[i / batch->offset_count]
+                              + batch->offset_penalties[i % batch->offset_count];
+            if ((batch->marks[i] & refuse) == 0 && cost < least) {
+                least = cost;
+                best = i;
+            }
+        }
+        if (best == count) {
+            return false;
+        }
+        batch->marks[best] |= VG_TRIED;
+        if (acceptable(ws, batch, chain, lane, best)) {
+            const vg_job* job = chain->job;
+            const verge_cost cost =
+                vg_leg_cost(&batch->legs[best / batch->offset_count],
+                            batch->offsets[best % batch->offset_count], batch->start, batch->last,
+                            job->def, &job->vehicle->habit.weights, chain->tracks,
+                            job->track_index, batch->in_lane);
+            vg_cost_add(&ws->cost, &cost);
+            const vg_profile* profile = &batch->legs[best / batch->offset_count].profile;
+            if (batch->start == 0) {
+                const vg_leg* leg = &batch->legs[best / batch->offset_count];
+                ws->settled = leg->by_way ? job->def->point_s * batch->last : leg->span;
+            }
+            ws->lane = lane;
+            ws->s = vg_profile_at(profile, job->def->point_s * (batch->last - batch->start)).s;
+            *choice = best;
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* chain,
+                       uint32_t lane, uint32_t candidate)
+{
+    const vg_job* job = chain->job;
+    const vg_leg* leg = &batch->legs[candidate / batch->offset_count];
+    const double offset = batch->offsets[candidate % batch->offset_count];
+    if (!limits_hold(batch, job->def, leg, offset)) {
+        return false;
+    }
+    vg_workspace_drive(ws, job->def, leg, offset, batch->start, batch->last);
+    if (batch->in_lane && leaves_lane(ws, batch, job, lane, leg)) {
+        return false;
+    }
+    if ((batch->marks[candidate] & VG_ALARM) != 0 && meets_someone(ws, batch, chain)) {
+        return false;
+    }
+    const double braking = chain->emergency ? DEAD_END_BRAKING : job->def->comfort_braking;
+    const vg_lane* lanes = job->road->lanes;
+    if (lanes[job->lane].dead_end
+        && vg_workspace_runs_out(ws, job, &lanes[job->lane], batch->last, braking)) {
+        return false;
+    }
+    return lane == job->lane || !lanes[lane].dead_end
+        || !vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking);
+}
+
+/// Does a keeping segment end beyond the lane's border, and farther out than it began?
+static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
+                        uint32_t lane, const vg_leg* leg)
+{
+    const vg_track* body = &ws->body;
+    const uint32_t k0 = batch->start, k = batch->last;
+    const double T = job->def->point_s * (k - k0);
+    const vg_reference from = vg_path_at(leg->path, leg->s_start + VERGE_REAR_AXLE);
+    const double way = vg_profile_at(&leg->profile, T).s;
+    const vg_reference to = vg_path_at(leg->path, way + VERGE_REAR_AXLE);
+    const double d0 = vg_abs((body->y[k0] - from.y) * from.cos_heading
+                             - (body->x[k0] - from.x) * from.sin_heading);
+    const double d = vg_abs((body->y[k] - to.y) * to.cos_heading
+                            - (body->x[k] - to.x) * to.sin_heading);
+    return d > 0.5 * job->road->lanes[lane].width && d > d0;
+}
+
+/// The car's limits between the points too, and the jerk that brakes can build up. A stop may end
+/// with a jolt: at walking speed the braking force may vanish faster than the jerk limit, but not
+/// appear.
+static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
+                        double offset)
+{
+    const uint32_t count = (batch->last - batch->start) * LIMIT_PARTS;
+    for (uint32_t i = 1; i <= count; i += 1) {
+        const vg_row row = vg_leg_row(leg, def->point_s * i / LIMIT_PARTS);
+        const vg_rear rear = vg_rear_of(&row, offset);
+        const bool jolts = row.s_ttt < -VG_JERK_MAX
+                        || (row.s_ttt > VG_JERK_MAX && row.s_t > JOLT_SPEED);
+        if (jolts || !(vg_hard_ratio(&rear, row.s_t) <= 1.0)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/// Exact: does the body touch another one on the way to the end of this leg?
+static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain)
+{
+    const vg_tracks* tracks = chain->tracks;
+    const vg_job* job = chain->job;
+    const uint32_t last = batch->last;
+    const bool whole = last + 1 == job->def->points;
+    for (uint32_t j = 0; j < tracks->count; j += 1) {
+        if (j == job->track_index) {
+            continue;
+        }
+        const vg_track* other = &tracks->of[j];
+        const double clearance = job->def->clearance;
+        const bool near = (ws->near_start >> j & 1) != 0;
+        bool meets;
+        if (near) {
+            // Must part before the horizon ends, and not meet again.
+            meets = vg_contact_new(&ws->body, other, clearance, last) <= last
+                 || (whole && vg_contact_at(&ws->body, other, 0.0, last));
+        } else {
+            meets = vg_contact_first(&ws->body, other, clearance, batch->start, last) <= last;
+        }
+        if (meets) {
+            ws->refusals.human |= !other->controlled;
+            ws->refusals.planned |= other->controlled;
+            return true;
+        }
+    }
+    return false;
+}
+
+/// The lane whose line a segment follows, coming from `lane`. Keeping a lane means to go on along
+/// its path, through its successors; a change goes to the neighbour, even where the decision ends
+/// it on a lane that continues the neighbour.
+static uint32_t reference_lane(const vg_job* job, const vg_segment* segment, uint32_t lane)
+{
+    const verge_road* road = job->road;
+    if (!vg_action_changes_lane(segment->action)) {
+        return lane;
+    }
+    const vg_lane* from = &road->lanes[lane];
+    const int32_t beside = segment->action == VERGE_CHANGE_LEFT ? from->left : from->right;
+    if (beside < 0) {
+        return segment->lane;
+    }
+    vg_walk walk = vg_walk_from(road, (uint32_t)beside, job->target);
+    do {
+        if (walk.lane == segment->lane) {
+            return (uint32_t)beside;
+        }
+    } while (walk.passed < 3 && vg_walk_on(&walk));
+    return segment->lane;
+}
+
+/// The trajectory instant nearest to a segment's end, at most the last one.
+static uint32_t instant_of(const vg_job* job, const vg_segment* segment)
+{
+    const double k = segment->t1 / job->def->point_s + 0.5;
+    return k >= (double)job->def->points ? job->def->points - 1 : k < 0.0 ? 0 : (uint32_t)k;
+}
+
+double vg_sampler_bench(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+                        uint32_t count)
+{
+    const chain chain = { job, tracks, false };
+    vg_workspace_begin(ws, job, tracks);
+    ws->first.last = job->def->points - 1;
+    const uint32_t lane = reference_lane(job, &job->segments[0], job->lane);
+    if (!prepare(ws, &ws->first, &chain, &job->segments[0], 0, lane, &ws->start)) {
+        return -1.0;
+    }
+    double sum = 0.0;
+    uint32_t done = 0;
+    while (done < count) {
+        vg_batch_run(&ws->first, job->def, &job->vehicle->habit.weights, tracks, job->track_index);
+        const uint32_t each = ws->first.leg_count * ws->first.offset_count;
+        for (uint32_t i = 0; i < each; i += 1) {
+            sum += vg_finite(ws->first.costs[i]) ? ws->first.costs[i] : 0.0;
+            sum += ws->first.marks[i];
+        }
+        done += each;
+    }
+    return sum;
+}

@@ -1,0 +1,62 @@
+/// From decided actions to drivable trajectories (section 3.2 of the paper).
+#ifndef VG_SAMPLER_H
+#define VG_SAMPLER_H
+
+#include "road/road.h"
+#include "motion/track.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// A run of equal actions inside the planning horizon, with the state the decision expects at
+/// its end (of the centre, on `lane`).
+typedef struct vg_segment {
+    double   t0, t1;       ///< [s] t0 of the first is 0, t1 of the last is the planning horizon
+    verge_action action;
+    uint32_t lane;         ///< index of the reference lane: the lane changed to, or the lane kept
+    double   s, d, v;      ///< [m], [m], [m/s] expected at t1, in `lane`
+} vg_segment;
+
+/// One vehicle's planning task. Reads only; several jobs may share road, def and tracks.
+typedef struct vg_job {
+    const verge_planner_def* def;
+    const verge_road*    road;
+    const verge_vehicle* vehicle;
+    bool       on_road;     ///< false: brakes straight ahead (VERGE_REASON_OFF_ROAD)
+    uint32_t   lane;        ///< index of the lane the centre is on
+    double     s, d;        ///< [m] of the centre on that lane
+    int32_t    target;      ///< lane index, -1 none
+    double     curvature;   ///< [1/m] of the centre's path at t = 0, as well as it is known
+    uint32_t   track_index; ///< of the vehicle itself in the tracks
+    int32_t    change_lane; ///< index of the lane that the first segment changes to, -1 none
+    uint32_t   segment_count;
+    vg_segment segments[VERGE_STEPS_MAX + 1]; ///< a change under way may end inside a step
+} vg_job;
+
+typedef struct vg_workspace vg_workspace; ///< one per job, in the planner's arena
+size_t vg_workspace_size(void);
+/// When the lateral motion of the last trajectory's first segment ends: later than the segment
+/// where the steering could not follow otherwise. [s]
+double vg_workspace_settled(const vg_workspace* workspace);
+
+/// Plans all jobs (ordered by vehicle id): each for itself through the executor, against the
+/// tracks as predicted; then the joint check: where two planned trajectories overlap, the later
+/// id plans again against the earlier one's final trajectory, until nothing overlaps or only
+/// fallbacks do. Fills points, point_count, cost, status and reason of plans[job]. tracks of the
+/// planned vehicles are overwritten with their final trajectories.
+/// Returns the number of candidate trajectories evaluated.
+uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs,
+                             uint32_t job_count, vg_tracks* tracks, verge_vehicle_plan* plans,
+                             uint32_t* replanned_count);
+
+/// Evaluates `count` candidates of one segment in full, without choosing: for the benchmark.
+/// Returns a checksum so that nothing is optimised away.
+double vg_sampler_bench(vg_workspace* workspace, const vg_job* job, const vg_tracks* tracks,
+                        uint32_t count);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,126 @@
+/// See target.h.
+#include "motion/target.h"
+
+#include "base/contract.h"
+#include "motion/follow.h"
+
+/// Region of end speeds. Below zero means a stop before the segment ends: a braking that would
+/// go on below zero is one that stops early. [m/s]
+typedef struct region {
+    double floor;             // hardest braking
+    double low, centre, high;
+} region;
+
+static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
+                           const vg_following* following, const vg_state* start, bool emergency);
+static double least_speed(const vg_state* start, double T, double jerk);
+static double speed_allowed(const vg_job* job, uint32_t lane, double s);
+static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
+
+bool vg_action_changes_lane(verge_action action)
+{
+    return action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT;
+}
+
+void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segment,
+                      const vg_path* path, uint32_t reference, const vg_state* start, double T,
+                      const vg_tracks* tracks, bool emergency)
+{
+    const verge_planner_def* def = job->def;
+    VERGE_ASSERT(def->sample_speeds >= 1 && def->sample_speeds <= VERGE_SAMPLE_SPEEDS_MAX);
+    VERGE_ASSERT(def->sample_offsets <= VERGE_SAMPLE_OFFSETS_MAX);
+
+    const bool changing = vg_action_changes_lane(segment->action);
+    const double half = changing ? def->region_offset : def->keep_region_offset;
+    const double low = segment->d - half, high = segment->d + half;
+    batch->offset_count = spread(batch->offsets, def->sample_offsets, low, segment->d, high);
+
+    const double points = batch->last - batch->start;
+    for (uint32_t i = 0; i < batch->offset_count; i += 1) {
+        batch->offset_penalties[i] = changing ? VG_DECISION_PULL_OFFSET * points
+                                                    * vg_square(batch->offsets[i] - segment->d)
+                                              : 0.0;
+    }
+
+    // A third of the speeds goes to braking below the region, where there is any.
+    const vg_following following = { path, tracks, job->track_index, batch->start, batch->last, T,
+                                     def->idm_gap, def->clearance };
+    const region v = speed_region(job, segment, reference, &following, start, emergency);
+    double speeds[VERGE_SAMPLE_SPEEDS_MAX];
+    const uint32_t braking = v.floor < v.low ? def->sample_speeds / 3 : 0;
+    for (uint32_t i = 0; i < braking; i += 1) {
+        speeds[i] = v.floor + (v.low - v.floor) * i / braking;
+    }
+    batch->leg_count = braking + spread(speeds + braking, def->sample_speeds - braking, v.low,
+                                        v.centre, v.high);
+    for (uint32_t i = 0; i < batch->leg_count; i += 1) {
+        vg_leg* leg = &batch->legs[i];
+        const double v1 = speeds[i], v0 = start->s_t;
+        const double stop = v1 < 0.0 ? T * v0 / vg_max(v0 - v1, 1e-6) : T;
+        leg->path = path;
+        leg->profile = vg_profile_to_speed(start, vg_max(v1, 0.0), vg_max(stop, 1e-3));
+        vg_leg_link(leg, start, T, segment->d);
+        batch->leg_penalties[i] = VG_DECISION_PULL * points
+                                * vg_square(vg_max(v1, vg_min(v.centre, 0.0)) - v.centre);
+    }
+}
+
+static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
+                           const vg_following* following, const vg_state* start, bool emergency)
+{
+    const verge_planner_def* def = job->def;
+    const bool changing = vg_action_changes_lane(segment->action);
+    const double half = changing ? def->region_speed : def->keep_region_speed;
+    const double v0 = start->s_t, T = following->T;
+    const double eased = vg_max(v0 - VG_LIMIT_BRAKING * T,
+                                least_speed(start, T, 0.9 * def->comfort_jerk));
+    const double way = 0.5 * T * (v0 + vg_min(v0, segment->v));
+    const double allowed = speed_allowed(job, reference, start->s + VERGE_REAR_AXLE + way);
+    const double top = vg_max(allowed, eased);
+    region v;
+    v.centre = vg_clamp(segment->v, 0.0, top);
+    v.high = vg_clamp(segment->v + half, 0.0, top);
+
+    // A stop after half of T at least, and no braking that the jerk limit does not allow.
+    const double jerk = emergency ? VG_JERK_MAX : def->comfort_jerk;
+    const double hardest = vg_max(least_speed(start, T, 0.98 * jerk), -v0 - 1.0);
+    const double follow = vg_follow_speed(following, start, VG_FOLLOW_BRAKING);
+    v.centre = vg_min(v.centre, vg_max(follow, hardest));
+    const double follow_hard = vg_follow_speed(following, start, def->comfort_braking);
+    v.high = vg_min(v.high, vg_max(follow_hard, vg_max(v.centre, 0.0)));
+    v.low = vg_min(vg_max(segment->v - half, 0.0), v.centre);
+    v.floor = changing ? v.low : vg_min(v.low, hardest);
+    return v;
+}
+
+/// Lowest end speed whose profile begins with at most this jerk: (6 (v1 - v0) - 4 a0 T) / T^2.
+static double least_speed(const vg_state* start, double T, double jerk)
+{
+    return start->s_t + (4.0 * start->s_tt * T - jerk * T * T) / 6.0;
+}
+
+/// Speed to drive at s of a lane or of what continues it: the limit, less in bends and before
+/// both (vg_bin).
+static double speed_allowed(const vg_job* job, uint32_t lane, double s)
+{
+    const verge_road* road = job->road;
+    lane = vg_road_follow(road, lane, job->target, &s);
+    const vg_lane* at = &road->lanes[lane];
+    const double bin = (vg_lane_station(at, s) - at->station_start) / VG_BIN;
+    const uint32_t i = (uint32_t)vg_clamp(bin, 0.0, at->bin_count - 2.0);
+    return vg_min((double)at->bins[i].speed, (double)at->bins[i + 1].speed);
+}
+
+/// Uniform, and the sample nearest to the centre is the centre itself.
+static uint32_t spread(double* out, uint32_t count, double low, double centre, double high)
+{
+    uint32_t nearest = 0;
+    for (uint32_t i = 0; i < count; i += 1) {
+        out[i] = count > 1 ? low + (high - low) * i / (count - 1) : centre;
+        if (vg_abs(out[i] - centre) < vg_abs(out[nearest] - centre)) {
+            nearest = i;
+        }
+    }
+    out[nearest] = centre;
+    return count;
+}

@@ -1,0 +1,165 @@
+/// See workspace.h.
+#include "motion/workspace.h"
+
+#include "base/contract.h"
+
+/// Path kept behind the vehicle and beyond its farthest end. [m]
+#define PATH_BEHIND 30.0
+#define PATH_BEYOND 60.0
+/// Speed a vehicle can gain on what is planned. [m/s]
+#define PATH_SPEED_GAIN 10.0
+/// Way who is over a lane's end already gets for building up the brakes' force. [m]
+#define OVER_END_SLACK 1.0
+
+static bool in_front(const vg_track* body, const vg_track* other);
+
+_Static_assert(sizeof(struct vg_workspace) <= 256 * 1024, "a workspace stays below 256 KiB");
+
+size_t vg_workspace_size(void)
+{
+    return sizeof(vg_workspace);
+}
+
+double vg_workspace_settled(const vg_workspace* workspace)
+{
+    return workspace->settled;
+}
+
+void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks)
+{
+    const verge_vehicle* v = job->vehicle;
+    const vg_track* own = &tracks->of[job->track_index];
+    const vg_motion centre = { v->x, v->y, v->heading, v->speed, v->acceleration,
+                               job->curvature };
+    ws->start = vg_motion_of_rear(&centre);
+    if (ws->start.speed < 1e-3) {
+        ws->start.speed = 0.0; // at rest nothing pulls backwards
+        ws->start.acceleration = vg_max(ws->start.acceleration, 0.0);
+    }
+    ws->path_lanes[0] = ws->path_lanes[1] = -1;
+    ws->cost = (verge_cost){ 0 };
+    ws->refusals = (vg_refusals){ 0 };
+    ws->near_start = ws->blocking = 0;
+
+    vg_track* body = &ws->body;
+    body->vehicle_id = v->id;
+    body->controlled = true;
+    body->half_length = own->half_length;
+    body->half_width = own->half_width;
+    body->x[0] = v->x;
+    body->y[0] = v->y;
+    vg_sincos(v->heading, &body->sin_heading[0], &body->cos_heading[0]);
+    body->speed[0] = v->speed;
+    for (uint32_t j = 0; j < tracks->count; j += 1) {
+        const vg_track* other = &tracks->of[j];
+        if (j != job->track_index && vg_contact_at(body, other, job->def->clearance, 0)) {
+            ws->near_start |= (uint64_t)1 << j;
+            const bool overlap = vg_contact_at(body, other, 0.0, 0);
+            ws->refusals.overlap |= overlap;
+            ws->blocking |= (uint64_t)(overlap && in_front(body, other)) << j;
+        }
+    }
+}
+
+/// Of two bodies that overlap: is the other one in front, rather than behind or at the side,
+/// where a quarter of a width at most is shared?
+static bool in_front(const vg_track* body, const vg_track* other)
+{
+    const double c = body->cos_heading[0], s = body->sin_heading[0];
+    const double x = other->x[0] - body->x[0], y = other->y[0] - body->y[0];
+    const double ahead = x * c + y * s, left = vg_abs(y * c - x * s);
+    const double width = body->half_width + other->half_width;
+    return ahead > body->half_length || (ahead > 0.0 && left < 0.75 * width);
+}
+
+const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t lane,
+                                 const vg_path* keep)
+{
+    for (uint32_t i = 0; i < 2; i += 1) {
+        if (ws->path_lanes[i] == (int32_t)lane) {
+            return &ws->paths[i];
+        }
+    }
+    const uint32_t slot = keep == &ws->paths[0] ? 1 : 0;
+    const double horizon = job->def->point_s * (job->def->points - 1);
+    const vg_lane* of = &job->road->lanes[lane];
+    const double guess = lane == job->lane ? job->s : __builtin_nan("");
+    const double s = vg_lane_project(of, ws->start.x, ws->start.y, guess);
+    const double speed = vg_max(ws->start.speed, of->speed_limit) + PATH_SPEED_GAIN;
+    const double ahead = vg_min(speed * horizon + PATH_BEYOND, 600.0 - PATH_BEHIND);
+    vg_path_build(&ws->paths[slot], job->road, lane, job->target, s - PATH_BEHIND, s + ahead);
+    ws->path_lanes[slot] = (int32_t)lane;
+    return &ws->paths[slot];
+}
+
+void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg_leg* leg,
+                        double offset, uint32_t start, uint32_t last)
+{
+    VERGE_ASSERT(last < VERGE_POINTS_MAX);
+    vg_track* body = &ws->body;
+    for (uint32_t k = start + 1; k <= last; k += 1) {
+        const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
+        const vg_rear rear = vg_rear_of(&row, offset);
+        ws->motion[k] = rear;
+        body->x[k] = rear.x + VERGE_REAR_AXLE * rear.cos_heading;
+        body->y[k] = rear.y + VERGE_REAR_AXLE * rear.sin_heading;
+        body->cos_heading[k] = rear.cos_heading;
+        body->sin_heading[k] = rear.sin_heading;
+        body->speed[k] = vg_max(rear.speed, 0.0)
+                       * vg_sqrt(1.0 + vg_square(VERGE_REAR_AXLE * rear.curvature));
+    }
+}
+
+bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_lane* lane,
+                           uint32_t last, double braking)
+{
+    const vg_track* body = &ws->body;
+    double s = __builtin_nan(""), end = lane->length;
+    for (uint32_t k = 0; k <= last; k += 1) {
+        s = vg_lane_project(lane, body->x[k], body->y[k], s);
+        const vg_reference at = vg_lane_at(lane, s);
+        const double d = (body->y[k] - at.y) * at.cos_heading
+                       - (body->x[k] - at.x) * at.sin_heading;
+        const bool inside = vg_abs(d) <= 0.5 * lane->width;
+        double front = s + body->half_length;
+        if (k == 0 && inside && front > lane->length) {
+            end = front + body->speed[0] * body->speed[0] / (2.0 * braking) + OVER_END_SLACK;
+        }
+        if (k + 1 == job->def->points) {
+            front += body->speed[k] * body->speed[k] / (2.0 * braking);
+        }
+        if (k > 0 && inside && front > end) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void vg_cost_add(verge_cost* sum, const verge_cost* cost)
+{
+    sum->total += cost->total;
+    sum->curvature += cost->curvature;
+    sum->heading += cost->heading;
+    sum->offset += cost->offset;
+    sum->acceleration += cost->acceleration;
+    sum->jerk += cost->jerk;
+    sum->obstacle += cost->obstacle;
+}
+
+void vg_workspace_emit(const vg_workspace* ws, const vg_job* job, verge_vehicle_plan* plan)
+{
+    const verge_vehicle* v = job->vehicle;
+    plan->point_count = job->def->points;
+    plan->cost = ws->cost;
+    plan->points[0] = (verge_point){ 0.0, v->x, v->y, v->heading, v->speed, v->acceleration,
+                                     job->curvature, 0.0 };
+    for (uint32_t k = 1; k < job->def->points; k += 1) {
+        const vg_rear* rear = &ws->motion[k];
+        const vg_motion motion = vg_motion_of(rear);
+        const vg_motion centre = vg_motion_of_centre(&motion, rear->curvature_t);
+        plan->points[k] = (verge_point){ job->def->point_s * k, centre.x, centre.y,
+                                         centre.heading, centre.speed, centre.acceleration,
+                                         centre.curvature, rear->jerk };
+    }
+    plan->points[0].jerk = job->def->points > 1 ? plan->points[1].jerk : 0.0;
+}

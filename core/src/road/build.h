@@ -1,0 +1,77 @@
+/// How a road comes into being: the stages of vg_road_build(), in their order. Each reads what
+/// the ones before it have written.
+#ifndef VG_ROAD_BUILD_H
+#define VG_ROAD_BUILD_H
+
+#include "road/road.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// What a fitted line may deviate from its survey, across it: as much as a polyline's chords miss a
+/// curve of 50 m radius at 8 m spacing; recorded maps are good to a few decimetres. [m]
+#define VG_FIT_TOLERANCE 0.15
+/// Single points of a noisy survey are not followed: up to VG_FIT_OUTLIER the tolerance counts only
+/// where the line is off by VG_FIT_MEAN on the mean of VG_FIT_WINDOW metres to each side. [m]
+#define VG_FIT_OUTLIER 0.30
+#define VG_FIT_MEAN 0.11
+#define VG_FIT_WINDOW 6.0
+/// As much more may it deviate at a merge or diverge, falling to nothing over VG_FIT_SEAM metres:
+/// surveys let branches meet the main lane at an angle that no vehicle drives. [m]
+#define VG_FIT_SEAM_TOLERANCE 0.15
+#define VG_FIT_SEAM 20.0
+/// Lanes further apart than this are no continuation of one another. [m]
+#define VG_GAP_MAX 20.0
+/// Width of the widest body that conflicts are found for. [m]
+#define VG_BODY_WIDTH_MAX 2.6
+/// How far along the graph lanes are related. [m]
+#define VG_RELATION_REACH 300.0
+
+/// The writable side of a lane's arrays while the road is built.
+typedef struct vg_lane_storage {
+    double *x, *y, *xss, *yss; ///< knot_count each
+    vg_bin* bins;
+    uint32_t bin_capacity;
+} vg_lane_storage;
+
+typedef struct vg_road_draft {
+    struct verge_road*    road;
+    const verge_road_def* def;
+    vg_arena*             scratch;
+    vg_lane_storage       storage[VERGE_LANES_MAX];
+    uint64_t              predecessors[VERGE_LANES_MAX]; ///< lanes (bits) that name the lane
+} vg_road_draft;
+
+/// Knots of a lane's line: follows from the survey's length alone, so that memory can be sized
+/// without fitting.
+uint32_t vg_lane_knot_count(const verge_lane_def* lane);
+/// Stations advance by 0.5 to 2 m a metre of lane (road_bundle.c), which bounds the bins.
+uint32_t vg_lane_bin_capacity(const verge_lane_def* lane);
+double   vg_survey_length(const verge_lane_def* lane); ///< [m]
+
+void   vg_road_fit(vg_road_draft* draft);           ///< reference lines (road_fit.c)
+size_t vg_road_fit_scratch_size(const verge_road_def* def);
+void   vg_road_bundle(vg_road_draft* draft);        ///< stations, bins (road_bundle.c)
+void   vg_road_relate(vg_road_draft* draft);        ///< relations (road_relate.c)
+size_t vg_road_relate_scratch_size(const verge_road_def* def);
+void   vg_road_route(vg_road_draft* draft);         ///< route tables (road_route.c)
+bool   vg_road_conflict(vg_road_draft* draft);      ///< (road_conflict.c); false: too many
+
+/// Lane `other` runs within `limit` metres of `lane` here, as seen along `lane`.
+typedef struct vg_run {
+    double from, to;             ///< [m] stretch of lane, s
+    double other_from, other_to; ///< [m] stretch of other that this part of lane is nearest to, s
+} vg_run;
+enum { VG_RUNS_MAX = 16 };
+
+/// All stretches of `lane` within `limit` of `other`, in order; found in steps of 2 m. opposite:
+/// whether lanes of opposite direction count.
+uint32_t vg_lane_runs(const vg_lane* lane, const vg_lane* other, double limit, bool opposite,
+                      vg_run runs[VG_RUNS_MAX]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

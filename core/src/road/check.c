@@ -1,0 +1,289 @@
+/// What a road must be, sentence by sentence, before anything is built from it.
+#include "road/build.h"
+
+#include "base/contract.h"
+#include "base/scalar.h"
+
+static const char* check_lane(const verge_road_def* def, uint32_t index, const char** field);
+static const char* check_centerline(const verge_lane_def* lane);
+static bool doubles_back(const verge_lane_def* lane);
+static const char* check_neighbour(const verge_road_def* def, uint32_t index, int32_t id);
+static bool turns_round(const verge_lane_def* lane, const verge_lane_def* next);
+static const char* check_successors(const verge_road_def* def, const verge_lane_def* lane);
+static const char* check_changes(const verge_lane_def* lane, int32_t neighbour,
+                                 const verge_stretch* stretches, uint32_t count);
+static const char* check_stretches(const verge_lane_def* lane, const verge_stretch* stretches,
+                                   uint32_t count);
+static const verge_lane_def* find(const verge_road_def* def, int32_t id);
+/// Coordinates beyond this lose the last millimetres of a double's precision in squares. [m]
+static const double coordinate_max = 1e7;
+/// Directions are taken between points at least so far apart: nearer ones tell more of the
+/// survey's noise, a decimetre or two, than of the road. [m]
+static const double direction_length = 0.5;
+/// Cosine of the sharpest turn a centreline may make at a point, 150 degrees. Coarse surveys cut
+/// corners of 90 degrees and more; beyond 150 the lane leads back over itself.
+static const double turn_cosine_min = -0.86602540378443865;
+/// Cosine of the sharpest turn into a successor, 90 degrees with room for rounding: who ends
+/// northwards does not go on southwards; more likely the other lane is drawn in reverse.
+static const double successor_cosine_min = -1e-6;
+
+verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault)
+{
+    VERGE_ASSERT(def != NULL);
+    verge_road_fault ignored;
+    fault = fault != NULL ? fault : &ignored;
+    *fault = (verge_road_fault){ .lane_index = 0 };
+
+    if (def->lanes == NULL || def->lane_count == 0) {
+        fault->field = "lanes";
+        fault->text = "a road has at least one lane";
+        return VERGE_ERR_ROAD;
+    }
+    if (def->lane_count > VERGE_LANES_MAX) {
+        fault->field = "lanes";
+        fault->text = "more lanes than the capacity of 64 (VERGE_LANES_MAX)";
+        return VERGE_ERR_ROAD;
+    }
+    for (uint32_t i = 0; i < def->lane_count; ++i) { // first the names, or references mean nothing
+        const bool named = def->lanes[i].id >= 0;
+        if (!named || find(def, def->lanes[i].id) != &def->lanes[i]) {
+            fault->lane_index = i;
+            fault->field = "id";
+            fault->text = named ? "an earlier lane has the same id; ids are unique"
+                                : "a lane id is 0 or more";
+            return VERGE_ERR_ROAD;
+        }
+    }
+    for (uint32_t i = 0; i < def->lane_count; ++i) {
+        const char* field = NULL;
+        const char* text = check_lane(def, i, &field);
+        if (text != NULL) {
+            *fault = (verge_road_fault){ .lane_index = i, .field = field, .text = text };
+            return VERGE_ERR_ROAD;
+        }
+    }
+    return VERGE_OK;
+}
+
+static const char* check_lane(const verge_road_def* def, uint32_t index, const char** field)
+{
+    const verge_lane_def* lane = &def->lanes[index];
+    *field = "centerline";
+    const char* text = check_centerline(lane);
+    if (text != NULL) {
+        return text;
+    }
+    *field = "width";
+    if (!(lane->width >= 1.5 && lane->width <= 20.0)) {
+        return "a lane is 1.5 to 20 m wide";
+    }
+    *field = "speed_limit";
+    if (!(lane->speed_limit >= 0.5 && lane->speed_limit <= 60.0)) {
+        return "a speed limit is 0.5 to 60 m/s";
+    }
+    *field = "left";
+    text = check_neighbour(def, index, lane->left);
+    if (text != NULL) {
+        return text;
+    }
+    *field = "right";
+    text = check_neighbour(def, index, lane->right);
+    if (text == NULL && lane->right != VERGE_NO_LANE && lane->right == lane->left) {
+        text = "one lane cannot be on the left and on the right";
+    }
+    if (text != NULL) {
+        return text;
+    }
+    *field = "successors";
+    text = check_successors(def, lane);
+    if (text == NULL && lane->change_left_given) {
+        *field = "change_left";
+        text = check_changes(lane, lane->left, lane->change_left, lane->change_left_count);
+    }
+    if (text == NULL && lane->change_right_given) {
+        *field = "change_right";
+        text = check_changes(lane, lane->right, lane->change_right, lane->change_right_count);
+    }
+    return text;
+}
+
+static const char* check_centerline(const verge_lane_def* lane)
+{
+    if (lane->points == NULL || lane->point_count < 2) {
+        return "a centreline has two points or more";
+    }
+    if (lane->point_count > VERGE_LANE_POINTS_MAX) {
+        return "more points than the capacity of 1024 a lane (VERGE_LANE_POINTS_MAX)";
+    }
+    for (uint32_t i = 0; i < lane->point_count; ++i) {
+        for (int axis = 0; axis < 2; ++axis) {
+            const double value = lane->points[i][axis];
+            if (!vg_finite(value)) {
+                return "every coordinate is a finite number";
+            }
+            if (vg_abs(value) > coordinate_max) {
+                return "coordinates lie within 10,000 km of the origin";
+            }
+        }
+    }
+    const double length = vg_survey_length(lane);
+    if (!(length >= 0.5)) {
+        return "a lane is at least 0.5 m long; these points (nearly) coincide";
+    }
+    if (length > VERGE_LANE_LENGTH_MAX) {
+        return "longer than the capacity of 2000 m a lane (VERGE_LANE_LENGTH_MAX)";
+    }
+    if (doubles_back(lane)) {
+        return "doubles back by more than 150 degrees; points are in travel direction";
+    }
+    return NULL;
+}
+
+typedef struct direction {
+    double x, y, length; ///< [m]
+} direction;
+
+static direction direction_between(const double from[2], const double to[2])
+{
+    const double x = to[0] - from[0], y = to[1] - from[1];
+    return (direction){ x, y, vg_sqrt(x * x + y * y) };
+}
+
+static bool turns_beyond(direction before, direction after, double cosine_min)
+{
+    return before.x * after.x + before.y * after.y < cosine_min * before.length * after.length;
+}
+
+static bool doubles_back(const verge_lane_def* lane)
+{
+    direction before = { 0.0, 0.0, 0.0 };
+    uint32_t  from = 0;
+    for (uint32_t i = 1; i < lane->point_count; ++i) {
+        const direction here = direction_between(lane->points[from], lane->points[i]);
+        if (here.length < direction_length) {
+            continue;
+        }
+        if (turns_beyond(before, here, turn_cosine_min)) {
+            return true;
+        }
+        before = here;
+        from = i;
+    }
+    return false;
+}
+
+/// The direction a lane begins with.
+static direction direction_at_start(const verge_lane_def* lane)
+{
+    direction here = { 0.0, 0.0, 0.0 };
+    for (uint32_t i = 1; i < lane->point_count && here.length < direction_length; ++i) {
+        here = direction_between(lane->points[0], lane->points[i]);
+    }
+    return here;
+}
+
+/// The direction a lane ends with.
+static direction direction_at_end(const verge_lane_def* lane)
+{
+    const double* end = lane->points[lane->point_count - 1];
+    direction     here = { 0.0, 0.0, 0.0 };
+    for (uint32_t i = lane->point_count - 1; i > 0 && here.length < direction_length; --i) {
+        here = direction_between(lane->points[i - 1], end);
+    }
+    return here;
+}
+
+static const char* check_neighbour(const verge_road_def* def, uint32_t index, int32_t id)
+{
+    if (id == VERGE_NO_LANE) {
+        return NULL;
+    }
+    if (id == def->lanes[index].id) {
+        return "a lane is not its own neighbour";
+    }
+    return find(def, id) == NULL ? "names a lane that does not exist" : NULL;
+}
+
+/// Does whoever goes on from lane to next turn by more than 90 degrees?
+static bool turns_round(const verge_lane_def* lane, const verge_lane_def* next)
+{
+    return turns_beyond(direction_at_end(lane), direction_at_start(next), successor_cosine_min);
+}
+
+static const char* check_successors(const verge_road_def* def, const verge_lane_def* lane)
+{
+    if (lane->successor_count > VERGE_SUCCESSORS_MAX) {
+        return "more successors than the capacity of 8 (VERGE_SUCCESSORS_MAX)";
+    }
+    const double* end = lane->points[lane->point_count - 1];
+    for (uint32_t i = 0; i < lane->successor_count; ++i) {
+        const verge_lane_def* next = find(def, lane->successors[i]);
+        if (next == NULL) {
+            return "names a lane that does not exist";
+        }
+        for (uint32_t k = 0; k < i; ++k) {
+            if (lane->successors[k] == lane->successors[i]) {
+                return "names a lane twice";
+            }
+        }
+        if (next->points == NULL || next->point_count < 1) {
+            continue; // that lane's own check tells
+        }
+        const double dx = next->points[0][0] - end[0];
+        const double dy = next->points[0][1] - end[1];
+        if (dx * dx + dy * dy > VG_GAP_MAX * VG_GAP_MAX) {
+            return "a successor starts within 20 m of this lane's end";
+        }
+        if (check_centerline(next) == NULL && turns_round(lane, next)) {
+            return "a successor starts within 90 degrees of the direction this lane ends in";
+        }
+    }
+    return NULL;
+}
+
+/// No stretch at all needs no neighbour: nowhere is allowed, and nowhere it is.
+static const char* check_changes(const verge_lane_def* lane, int32_t neighbour,
+                                 const verge_stretch* stretches, uint32_t count)
+{
+    if (neighbour == VERGE_NO_LANE && count > 0) {
+        return "stretches are for a side with a neighbour; this lane has none there";
+    }
+    return check_stretches(lane, stretches, count);
+}
+
+static const char* check_stretches(const verge_lane_def* lane, const verge_stretch* stretches,
+                                   uint32_t count)
+{
+    if (count > VERGE_STRETCHES_MAX) {
+        return "more stretches than the capacity of 8 (VERGE_STRETCHES_MAX)";
+    }
+    // Surveys and line lengths differ by decimetres; a stretch that means "to the end" passes.
+    const double length = vg_survey_length(lane), end = length + 5.0;
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!vg_finite(stretches[i].s0) || !vg_finite(stretches[i].s1)) {
+            return "every stretch is a pair of finite numbers";
+        }
+        if (!(stretches[i].s0 < stretches[i].s1)) {
+            return "a stretch [s0, s1] has s0 < s1";
+        }
+        if (stretches[i].s0 < 0.0 || stretches[i].s0 >= length || stretches[i].s1 > end) {
+            return "a stretch lies within the lane, 0 to its length";
+        }
+        for (uint32_t k = 0; k < i; ++k) {
+            if (stretches[k].s0 < stretches[i].s1 && stretches[i].s0 < stretches[k].s1) {
+                return "stretches of one side do not overlap";
+            }
+        }
+    }
+    return NULL;
+}
+
+static const verge_lane_def* find(const verge_road_def* def, int32_t id)
+{
+    for (uint32_t i = 0; i < def->lane_count; ++i) {
+        if (def->lanes[i].id == id) {
+            return &def->lanes[i];
+        }
+    }
+    return NULL;
+}

@@ -1,0 +1,293 @@
+/// Building a road stage by stage, and asking it questions. What is difficult is elsewhere:
+/// fitting in road_fit.c, stations in road_bundle.c, relations in road_relate.c, routes in
+/// road_route.c, conflicts in road_conflict.c.
+#include "road/road.h"
+
+#include "base/contract.h"
+#include "road/build.h"
+#include "base/scalar.h"
+
+/// A body whose centre is further than this from every lane's edge is off the road. [m]
+static const double edge_reach = 2.0;
+
+static void take_memory(vg_road_draft* draft, vg_arena* arena);
+static void copy_lanes(vg_road_draft* draft);
+static const vg_lane* lane_of(const verge_road* road, int32_t lane_id);
+static verge_lane_position position_on(const vg_lane* lane, double x, double y);
+/// Whether `at` on `lane` is a better place for a body than the best so far, and how good it is.
+static double misfit(const vg_lane* lane, const verge_lane_position* at, double heading);
+
+struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge_road_def* def)
+{
+    VERGE_ASSERT(arena != NULL && def != NULL);
+    VERGE_ASSERT(def->lane_count >= 1 && def->lane_count <= VERGE_LANES_MAX);
+
+    vg_road_draft draft = { .def = def, .scratch = scratch };
+    take_memory(&draft, arena);
+    if (arena->base == NULL || arena->failed) {
+        return NULL;
+    }
+    copy_lanes(&draft);
+    vg_road_fit(&draft);
+    vg_road_bundle(&draft);
+    vg_road_relate(&draft);
+    vg_road_route(&draft);
+    const bool fits = vg_road_conflict(&draft);
+    return fits && !scratch->failed ? draft.road : NULL;
+}
+
+size_t vg_road_scratch_size(const verge_road_def* def)
+{
+    const size_t fit = vg_road_fit_scratch_size(def);
+    const size_t relate = vg_road_relate_scratch_size(def);
+    return fit > relate ? fit : relate;
+}
+
+int32_t vg_road_lane_index(const struct verge_road* road, int32_t lane_id)
+{
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        if (road->lanes[i].id == lane_id) {
+            return (int32_t)i;
+        }
+    }
+    return -1;
+}
+
+verge_lane_position verge_road_project(const verge_road* road, double x, double y, double heading,
+                                       int32_t prefer_lane)
+{
+    VERGE_ASSERT(road != NULL);
+    verge_lane_position best = { .lane_id = VERGE_NO_LANE };
+    if (!vg_finite(x) || !vg_finite(y) || !(vg_abs(heading) <= 1e6)) {
+        return best;
+    }
+    double best_misfit = VG_HUGE;
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        const vg_lane* lane = &road->lanes[i];
+        const verge_lane_position at = position_on(lane, x, y);
+        const double here = misfit(lane, &at, heading);
+        if (at.contained && at.lane_id == prefer_lane) {
+            return at;
+        }
+        if (here < best_misfit) {
+            best = at;
+            best_misfit = here;
+        }
+    }
+    return best;
+}
+
+verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_id, double x,
+                                          double y)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    if (lane == NULL || !vg_finite(x) || !vg_finite(y)) {
+        return (verge_lane_position){ .lane_id = VERGE_NO_LANE };
+    }
+    return position_on(lane, x, y);
+}
+
+void verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
+                   double* x, double* y, double* heading)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    VERGE_ASSERT(lane != NULL && x != NULL && y != NULL && heading != NULL);
+    const vg_reference at = vg_lane_at(lane, s);
+    *x = at.x - d * at.sin_heading;
+    *y = at.y + d * at.cos_heading;
+    *heading = vg_atan2(at.sin_heading, at.cos_heading);
+}
+
+double verge_road_length(const verge_road* road, int32_t lane_id)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane != NULL ? lane->length : 0.0;
+}
+
+double verge_road_width(const verge_road* road, int32_t lane_id)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane != NULL ? lane->width : 0.0;
+}
+
+double verge_road_speed_limit(const verge_road* road, int32_t lane_id)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane != NULL ? lane->speed_limit : 0.0;
+}
+
+int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane)
+{
+    const int32_t lane = vg_road_lane_index(road, lane_id);
+    if (lane < 0) {
+        return VERGE_NO_LANE;
+    }
+    const int32_t target = vg_road_lane_index(road, target_lane);
+    const int32_t next = vg_road_next(road, (uint32_t)lane, target);
+    return next < 0 ? VERGE_NO_LANE : road->lanes[next].id;
+}
+
+bool verge_road_continues(const verge_road* road, int32_t target_lane, int32_t lane_id)
+{
+    const int32_t lane = vg_road_lane_index(road, lane_id);
+    const int32_t target = vg_road_lane_index(road, target_lane);
+    return lane >= 0 && target >= 0 && vg_road_continues(road, (uint32_t)target, (uint32_t)lane);
+}
+
+bool verge_road_leads_to(const verge_road* road, int32_t lane_id, int32_t target_lane)
+{
+    const int32_t lane = vg_road_lane_index(road, lane_id);
+    const int32_t target = vg_road_lane_index(road, target_lane);
+    // A target continues the lane exactly where the lane leads to it.
+    return lane >= 0 && target >= 0 && vg_road_continues(road, (uint32_t)lane, (uint32_t)target);
+}
+
+int32_t vg_lane_before(const struct verge_road* road, uint32_t lane)
+{
+    const vg_reference at = vg_lane_at(&road->lanes[lane], 0.0);
+    int32_t best = -1;
+    double best_cosine = -2.0;
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        const vg_lane* other = &road->lanes[i];
+        for (uint32_t k = 0; k < other->successor_count; ++k) {
+            if (other->successors[k] != (int32_t)lane) {
+                continue;
+            }
+            const vg_reference end = vg_lane_at(other, other->length);
+            const double cosine = at.cos_heading * end.cos_heading
+                                  + at.sin_heading * end.sin_heading;
+            if (cosine > best_cosine) {
+                best = (int32_t)i;
+                best_cosine = cosine;
+            }
+        }
+    }
+    return best;
+}
+
+double vg_lane_station(const vg_lane* lane, double s)
+{
+    // The bins are uniform in station, not in s: find the bin by bisection.
+    VERGE_ASSERT(lane->bin_count >= 2);
+    uint32_t low = 0;
+    uint32_t high = lane->bin_count - 1;
+    while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+        if ((double)lane->bins[middle].s <= s) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    const double s0 = (double)lane->bins[low].s;
+    const double s1 = (double)lane->bins[high].s;
+    return lane->station_start + VG_BIN * ((double)low + (s - s0) / (s1 - s0));
+}
+
+double vg_lane_s(const vg_lane* lane, double station)
+{
+    VERGE_ASSERT(lane->bin_count >= 2);
+    const double bins = (station - lane->station_start) / VG_BIN;
+    const uint32_t bin = (uint32_t)vg_clamp(bins, 0.0, (double)(lane->bin_count - 2));
+    const double s0 = (double)lane->bins[bin].s;
+    const double s1 = (double)lane->bins[bin + 1].s;
+    return s0 + (bins - (double)bin) * (s1 - s0);
+}
+
+/// The same takes in the same order whether the arena measures or not.
+static void take_memory(vg_road_draft* draft, vg_arena* arena)
+{
+    const verge_road_def* def = draft->def;
+    const size_t n = def->lane_count;
+    struct verge_road* road = vg_arena_take(arena, sizeof *road);
+    vg_lane* lanes = vg_arena_take(arena, n * sizeof *lanes);
+    vg_relation* relations = vg_arena_take(arena, n * n * sizeof *relations);
+    uint64_t* on_route = vg_arena_take(arena, n * (n + 1) * sizeof *on_route);
+    uint8_t* changes = vg_arena_take(arena, n * n * sizeof *changes);
+    int8_t* move = vg_arena_take(arena, n * n * sizeof *move);
+    int32_t* next = vg_arena_take(arena, n * (n + 1) * sizeof *next);
+    uint64_t* continues = vg_arena_take(arena, n * sizeof *continues);
+    vg_conflict* conflicts = vg_arena_take(arena, VERGE_CONFLICTS_MAX * sizeof *conflicts);
+    for (size_t i = 0; i < n; ++i) {
+        const size_t knots = vg_lane_knot_count(&def->lanes[i]) * sizeof(double);
+        vg_lane_storage* storage = &draft->storage[i];
+        storage->x = vg_arena_take(arena, knots);
+        storage->y = vg_arena_take(arena, knots);
+        storage->xss = vg_arena_take(arena, knots);
+        storage->yss = vg_arena_take(arena, knots);
+        storage->bin_capacity = vg_lane_bin_capacity(&def->lanes[i]);
+        storage->bins = vg_arena_take(arena, storage->bin_capacity * sizeof(vg_bin));
+    }
+    if (arena->base == NULL || arena->failed) {
+        return;
+    }
+    *road = (struct verge_road){ .lane_count = def->lane_count, .lanes = lanes,
+                                 .relations = relations, .on_route = on_route, .changes = changes,
+                                 .move = move, .next = next, .continues = continues,
+                                 .conflicts = conflicts };
+    draft->road = road;
+}
+
+static void copy_lanes(vg_road_draft* draft)
+{
+    struct verge_road* road = draft->road;
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        road->lanes[i].id = draft->def->lanes[i].id; // first: the links below are found by id
+    }
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        const verge_lane_def* def = &draft->def->lanes[i];
+        const vg_lane_storage* storage = &draft->storage[i];
+        vg_lane* lane = &road->lanes[i];
+        lane->width = def->width;
+        lane->speed_limit = def->speed_limit;
+        lane->line.knot_count = vg_lane_knot_count(def);
+        lane->line.x = storage->x;
+        lane->line.y = storage->y;
+        lane->line.xss = storage->xss;
+        lane->line.yss = storage->yss;
+        lane->bins = storage->bins;
+        lane->left = def->left == VERGE_NO_LANE ? -1 : vg_road_lane_index(road, def->left);
+        lane->right = def->right == VERGE_NO_LANE ? -1 : vg_road_lane_index(road, def->right);
+        lane->successor_count = def->successor_count;
+        for (uint32_t k = 0; k < def->successor_count; ++k) {
+            lane->successors[k] = vg_road_lane_index(road, def->successors[k]);
+            VERGE_ASSERT(lane->successors[k] >= 0);
+            draft->predecessors[lane->successors[k]] |= (uint64_t)1 << i;
+        }
+    }
+}
+
+static const vg_lane* lane_of(const verge_road* road, int32_t lane_id)
+{
+    VERGE_ASSERT(road != NULL);
+    const int32_t index = vg_road_lane_index(road, lane_id);
+    return index < 0 ? NULL : &road->lanes[index];
+}
+
+static verge_lane_position position_on(const vg_lane* lane, double x, double y)
+{
+    const double s = vg_lane_project(lane, x, y, __builtin_nan(""));
+    const vg_reference at = vg_lane_at(lane, s);
+    verge_lane_position position;
+    position.lane_id = lane->id;
+    position.s = s;
+    position.d = (y - at.y) * at.cos_heading - (x - at.x) * at.sin_heading;
+    position.heading = vg_atan2(at.sin_heading, at.cos_heading);
+    position.curvature = at.curvature;
+    position.contained = vg_abs(position.d) <= 0.5 * lane->width && s >= 0.0 && s <= lane->length;
+    return position;
+}
+
+static double misfit(const vg_lane* lane, const verge_lane_position* at, double heading)
+{
+    // Where lanes overlap their directions are nearly the same: then the nearer centre wins.
+    const double turn = vg_abs(vg_wrap_angle(vg_wrap_angle(heading) - at->heading));
+    const double half = 0.5 * lane->width;
+    if (at->contained) {
+        return turn + 0.1 * vg_abs(at->d) / half;
+    }
+    const double aside = vg_max(vg_abs(at->d) - half, 0.0);
+    const double beyond = vg_max(vg_max(-at->s, at->s - lane->length), 0.0);
+    const double distance = vg_sqrt(aside * aside + beyond * beyond);
+    return distance <= edge_reach ? 1e3 + distance : VG_HUGE;
+}

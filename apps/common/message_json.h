@@ -1,6 +1,6 @@
-/// The messages of the bus as JSON, every field by its name on the wire. NaN is null; a digest is
-/// 16 hexadecimal digits in quotes, a checksum 8; crc32 is left out where it is 0, of messages that
-/// have not been sent.
+/// The messages of the bus as JSON, every field by its name on the wire, in the order of the wire.
+/// NaN is null; a digest is 16 hexadecimal digits in quotes, a checksum 8; crc32 is left out where
+/// it is 0, of messages that have not been sent; an array has its elements in use and no count.
 #ifndef VERGE_APPS_MESSAGE_JSON_H
 #define VERGE_APPS_MESSAGE_JSON_H
 
@@ -11,9 +11,8 @@
 /// The largest a plan gets: [B].
 enum { MESSAGE_JSON_MAX = 8192 };
 
-void message_json_state(text* out, const verge_vehicle_state_t* state);
-void message_json_plan(text* out, const verge_vehicle_plan_t* plan);
-void message_json_status(text* out, const verge_rsu_status_t* status);
+/// message is the struct of this kind: a state, a plan or a status.
+void message_json(text* out, transport_kind kind, const void* message);
 
 /// "planned", "keep_lane", "brake" or "cancelled"; "unknown" for any other code.
 const char* message_plan_status(int32_t status);

@@ -223,13 +223,7 @@ static void print_json(const transport_message* message)
                                                          : "status";
     text_add(&out, "{\"kind\":\"%s\",\"arrival_utime\":%" PRId64 ",\"sender\":\"%016" PRIx64
              "\",\"message\":", kind, message->arrival_utime, message->sender);
-    if (message->kind == TRANSPORT_STATE) {
-        message_json_state(&out, &message->as.state);
-    } else if (message->kind == TRANSPORT_PLAN) {
-        message_json_plan(&out, &message->as.plan);
-    } else {
-        message_json_status(&out, &message->as.status);
-    }
+    message_json(&out, message->kind, &message->as);
     text_add(&out, "}\n");
     fputs(out.bytes, stdout);
 }

@@ -14,7 +14,7 @@ void report_status(text* out, const config* config, const verge_rsu_status_t* st
              message_rsu_fault(status->fault));
     text_add_string(out, buses);
     text_add(out, ",\"cycle_ms\":%u,\"status\":", config->cycle_ms);
-    message_json_status(out, status);
+    message_json(out, TRANSPORT_STATUS, status);
     text_add(out, "}\n");
 }
 
@@ -71,7 +71,7 @@ void report_plans(text* out, const cycle* cycle)
     text_add(out, "{\"plans\":[");
     for (uint32_t i = 0; i < cycle->planned_count; i++) {
         text_add(out, "%s", i > 0 ? "," : "");
-        message_json_plan(out, &cycle->in_force[i]);
+        message_json(out, TRANSPORT_PLAN, &cycle->in_force[i]);
     }
     text_add(out, "]}\n");
 }

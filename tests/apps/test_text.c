@@ -91,25 +91,25 @@ static void test_every_message_has_all_its_fields_and_fits(void** state)
         plan.actions[i].speed = -FLT_MIN / 3.0f;
     }
     text out = text_in(buffer, sizeof buffer);
-    message_json_plan(&out, &plan);
+    message_json(&out, TRANSPORT_PLAN, &plan);
     assert_int_equal(fields_of(&out), 12 + 2); // and the counts are the arrays' lengths
     assert_non_null(strstr(buffer, "\"crc32\":\"80808080\""));
     plan.crc32 = 0; // not sent yet
     out = text_in(buffer, sizeof buffer);
-    message_json_plan(&out, &plan);
+    message_json(&out, TRANSPORT_PLAN, &plan);
     assert_int_equal(fields_of(&out), 11 + 2);
     assert_null(strstr(buffer, "crc32"));
 
     verge_vehicle_state_t vehicle;
     memset(&vehicle, 0x80, sizeof vehicle);
     out = text_in(buffer, sizeof buffer);
-    message_json_state(&out, &vehicle);
+    message_json(&out, TRANSPORT_STATE, &vehicle);
     assert_int_equal(fields_of(&out), 18);
 
     verge_rsu_status_t status;
     memset(&status, 0x80, sizeof status);
     out = text_in(buffer, sizeof buffer);
-    message_json_status(&out, &status);
+    message_json(&out, TRANSPORT_STATUS, &status);
     assert_int_equal(fields_of(&out), 32);
 }
 

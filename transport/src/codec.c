@@ -3,7 +3,7 @@
 #include <assert.h>
 #include <string.h>
 
-enum { FINGERPRINT_SIZE = 8, CRC_SIZE = 4 };
+enum { CRC_SIZE = 4 };
 
 static const uint64_t mark_fingerprint = 0x56455247454d524bu; // "VERGEMRK"
 
@@ -16,9 +16,9 @@ static uint32_t checksum(const uint8_t* bytes, size_t size);
 const char* codec_channel(transport_kind kind)
 {
     switch (kind) {
-    case TRANSPORT_STATE: return "VERGE_STATE";
-    case TRANSPORT_PLAN: return "VERGE_PLAN";
-    case TRANSPORT_STATUS: return "VERGE_STATUS";
+#define MESSAGE(KIND, ...) \
+    case TRANSPORT_##KIND: return "VERGE_" #KIND;
+#include "messages.def"
     case TRANSPORT_MARK: return "VERGE_CYCLE";
     case TRANSPORT_NONE: break;
     }
@@ -38,9 +38,9 @@ transport_kind codec_kind(const char* channel)
 size_t codec_size(transport_kind kind)
 {
     switch (kind) {
-    case TRANSPORT_STATE: return CODEC_STATE_SIZE;
-    case TRANSPORT_PLAN: return CODEC_PLAN_SIZE;
-    case TRANSPORT_STATUS: return CODEC_STATUS_SIZE;
+#define MESSAGE(KIND, ...) \
+    case TRANSPORT_##KIND: return CODEC_##KIND##_SIZE;
+#include "messages.def"
     case TRANSPORT_MARK: return CODEC_MARK_SIZE;
     case TRANSPORT_NONE: break;
     }
@@ -78,18 +78,17 @@ bool codec_decode(transport_kind kind, const uint8_t* bytes, size_t size,
 
 void codec_prepare(void)
 {
-    (void)__verge_vehicle_state_t_get_hash();
-    (void)__verge_vehicle_plan_t_get_hash();
-    (void)__verge_rsu_status_t_get_hash();
+#define MESSAGE(KIND, type, ...) (void)__verge_##type##_get_hash();
+#include "messages.def"
 }
 
 /// Everything, with the crc32 the struct holds.
 static int encode_fields(transport_kind kind, const void* value, uint8_t* bytes, int size)
 {
     switch (kind) {
-    case TRANSPORT_STATE: return verge_vehicle_state_t_encode(bytes, 0, size, value);
-    case TRANSPORT_PLAN: return verge_vehicle_plan_t_encode(bytes, 0, size, value);
-    case TRANSPORT_STATUS: return verge_rsu_status_t_encode(bytes, 0, size, value);
+#define MESSAGE(KIND, type, ...) \
+    case TRANSPORT_##KIND: return verge_##type##_encode(bytes, 0, size, value);
+#include "messages.def"
     case TRANSPORT_MARK: encode_mark(value, bytes); return size;
     case TRANSPORT_NONE: break;
     }
@@ -100,12 +99,9 @@ static int encode_fields(transport_kind kind, const void* value, uint8_t* bytes,
 static int decode_fields(const uint8_t* bytes, int size, transport_message* message)
 {
     switch (message->kind) {
-    case TRANSPORT_STATE:
-        return verge_vehicle_state_t_decode(bytes, 0, size, &message->as.state);
-    case TRANSPORT_PLAN:
-        return verge_vehicle_plan_t_decode(bytes, 0, size, &message->as.plan);
-    case TRANSPORT_STATUS:
-        return verge_rsu_status_t_decode(bytes, 0, size, &message->as.status);
+#define MESSAGE(KIND, type, ...) \
+    case TRANSPORT_##KIND: return verge_##type##_decode(bytes, 0, size, (void*)&message->as);
+#include "messages.def"
     case TRANSPORT_MARK: return decode_mark(bytes, &message->as.mark) ? size : -1;
     case TRANSPORT_NONE: break;
     }
@@ -130,7 +126,7 @@ static bool decode_mark(const uint8_t* bytes, transport_mark* mark)
 
 static uint32_t checksum(const uint8_t* bytes, size_t size)
 {
-    return transport_crc32(bytes + FINGERPRINT_SIZE, size - FINGERPRINT_SIZE - CRC_SIZE);
+    return transport_crc32(bytes + CODEC_FINGERPRINT_SIZE, size - CODEC_FINGERPRINT_SIZE - CRC_SIZE);
 }
 
 void codec_put_u32(uint8_t* bytes, uint32_t value)

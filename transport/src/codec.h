@@ -8,12 +8,33 @@
 #define CODEC_H
 
 #include "verge/transport.h"
+#include "verge/wire.h"
 
-/// Encoded sizes [B]; test_wire.c compares them with what lcm-gen made of the schema.
+/// Encoded sizes [B]: the fingerprint and every field; test_wire.c compares them with what lcm-gen
+/// made of the schema.
 enum {
-    CODEC_STATE_SIZE = 88,
-    CODEC_PLAN_SIZE = 1288,
-    CODEC_STATUS_SIZE = 148,
+    CODEC_FINGERPRINT_SIZE = 8,
+    CODEC_STATE_SIZE = CODEC_FINGERPRINT_SIZE
+#define STATE(type, name, ...) + sizeof((verge_vehicle_state_t*)0)->name
+#include "messages.def"
+    ,
+    CODEC_ACTION_SIZE = 0
+#define ACTION(type, name, ...) + sizeof((verge_plan_action_t*)0)->name
+#include "messages.def"
+    ,
+    CODEC_POINT_SIZE = 0
+#define POINT(type, name, ...) + sizeof((verge_plan_point_t*)0)->name
+#include "messages.def"
+    ,
+    CODEC_PLAN_SIZE = CODEC_FINGERPRINT_SIZE + WIRE_ACTIONS_MAX * CODEC_ACTION_SIZE +
+                      WIRE_POINTS_MAX * CODEC_POINT_SIZE
+#define PLAN(type, name, ...) + sizeof((verge_vehicle_plan_t*)0)->name
+#include "messages.def"
+    ,
+    CODEC_STATUS_SIZE = CODEC_FINGERPRINT_SIZE
+#define STATUS(type, name, ...) + sizeof((verge_rsu_status_t*)0)->name
+#include "messages.def"
+    ,
     CODEC_MARK_SIZE = 32,
     CODEC_SIZE_MAX = CODEC_PLAN_SIZE,
 };

@@ -1,92 +1,47 @@
-/// The checks are tables: one line a field, so that a missing line shows.
+/// What a field may say is in messages.def; here is what fields have to do with each other.
 #include "verge/wire.h"
 
+#include "verge/message.h"
+
 #include <assert.h>
-#include <float.h>
 #include <math.h>
-#include <stdint.h>
 #include <string.h>
 
-/// A heading of +pi as a float is 9e-8 above pi; clients may round once more.
-#define HEADING_MAX (3.14159265358979323846 + 1e-6)
-#define SPEED_MAX 60.0 // [m/s] see wire.h
-#define ACCELERATION_MAX 20.0 // [m/s^2] a crash brakes harder, a car does not
-#define CURVATURE_MAX 10.0 // [1/m] turning on the spot is no car's motion
-
-typedef enum unknown {
-    KNOWN,            ///< the value must be there
-    NAN_UNKNOWN,      ///< NaN is allowed
-    NEGATIVE_UNKNOWN, ///< NaN and anything finite below zero are allowed
-} unknown;
-
-/// One row of a check: a value as double (all of our integers but utimes fit exactly).
-typedef struct row {
-    const char* field;
-    double      value, min, max;
-    unknown     unknown;
-} row;
-
-static const char*         rows_check(const row* rows, size_t count);
-static const char*         actions_check(const verge_vehicle_plan_t* plan);
-static const char*         points_check(const verge_vehicle_plan_t* plan);
 static bool                continues(const verge_action_step* before,
                                      const verge_action_step* step);
 static verge_plan_action_t action_from_step(const verge_action_step* step);
 static int32_t             milliseconds(double seconds);
 
+#define LENGTH(type, array) (sizeof((type*)0)->array / sizeof((type*)0)->array[0])
+static_assert(LENGTH(verge_vehicle_plan_t, actions) == WIRE_ACTIONS_MAX, "as in messages.def");
+static_assert(LENGTH(verge_vehicle_plan_t, points) == WIRE_POINTS_MAX, "as in messages.def");
+
 const char* wire_state_check(const verge_vehicle_state_t* state)
 {
-    const row rows[] = {
-        { "vehicle_id", state->vehicle_id, 0, INT32_MAX, KNOWN },
-        { "controlled", state->controlled, 0, 1, KNOWN },
-        { "x", state->x, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
-        { "y", state->y, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
-        { "heading", state->heading, -HEADING_MAX, HEADING_MAX, KNOWN },
-        { "speed", state->speed, 0, SPEED_MAX, KNOWN },
-        { "acceleration", state->acceleration, -ACCELERATION_MAX, ACCELERATION_MAX, KNOWN },
-        { "yaw_rate", state->yaw_rate, -3.0, 3.0, NAN_UNKNOWN },
-        { "length", state->length, 0.5, 30.0, KNOWN },
-        { "width", state->width, 0.3, 4.0, KNOWN },
-        { "position_sigma", state->position_sigma, 0, 100.0, NEGATIVE_UNKNOWN },
-        { "target_lane", state->target_lane, -1, INT32_MAX, KNOWN },
-        { "habit", state->habit, VERGE_AGGRESSIVE, VERGE_CONSERVATIVE, KNOWN },
-        { "cooperation", state->cooperation, 0, 1, NAN_UNKNOWN },
-        { "followed_cycle", state->followed_cycle, -1, INT32_MAX, KNOWN },
-    };
-    if (state->utime <= 0) {
-        return "utime";
-    }
-    return rows_check(rows, sizeof rows / sizeof rows[0]);
+    return message_check(TRANSPORT_STATE, state);
 }
 
 const char* wire_plan_check(const verge_vehicle_plan_t* plan)
 {
-    const bool cancelled = plan->status == VERGE_CANCELLED;
-    const row  rows[] = {
-        { "rsu_id", plan->rsu_id, 0, INT32_MAX, KNOWN },
-        { "cycle", plan->cycle, 0, INT32_MAX, KNOWN },
-        { "plans_in_cycle", plan->plans_in_cycle, 0, INT32_MAX, KNOWN },
-        { "vehicle_id", plan->vehicle_id, 0, INT32_MAX, KNOWN },
-        { "status", plan->status, VERGE_PLANNED, VERGE_CANCELLED, KNOWN },
-        { "reason", plan->reason, 0, INT16_MAX, KNOWN }, // later versions may know more
-        { "action_count", plan->action_count, 0, WIRE_ACTIONS_MAX, KNOWN },
-        { "point_count", plan->point_count, cancelled ? 0 : 2, WIRE_POINTS_MAX, KNOWN },
-        { "dt_ms", plan->dt_ms, plan->point_count == 0 ? 0 : 1, 1000, KNOWN },
-    };
-    if (plan->utime <= 0) {
-        return "utime";
+    const char* fault = message_check(TRANSPORT_PLAN, plan);
+    if (fault != NULL) {
+        return fault;
     }
     if (plan->valid_until_utime < plan->utime) {
         return "valid_until_utime";
     }
-    if (plan->state_utime < 0) {
-        return "state_utime";
+    if (plan->point_count < 2 && plan->status != VERGE_CANCELLED) {
+        return "point_count";
     }
-    const char* fault = rows_check(rows, sizeof rows / sizeof rows[0]);
-    if (fault == NULL) {
-        fault = actions_check(plan);
+    if (plan->dt_ms < 1 && plan->point_count > 0) {
+        return "dt_ms";
     }
-    return fault != NULL ? fault : points_check(plan);
+    for (int32_t i = 0; i < plan->action_count; ++i) {
+        if (plan->actions[i].t1_ms < plan->actions[i].t0_ms) {
+            return "actions.t1_ms";
+        }
+    }
+    return NULL;
 }
 
 verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state)
@@ -269,66 +224,6 @@ const verge_plan_action_t* wire_action_at(const verge_vehicle_plan_t* plan, int6
         }
     }
     return found;
-}
-
-static const char* rows_check(const row* rows, size_t count)
-{
-    for (size_t i = 0; i < count; ++i) {
-        const row* r = &rows[i];
-        if (isnan(r->value)) {
-            if (r->unknown == KNOWN) {
-                return r->field;
-            }
-            continue;
-        }
-        const double min = r->unknown == NEGATIVE_UNKNOWN ? -(double)FLT_MAX : r->min;
-        if (!(r->value >= min && r->value <= r->max)) {
-            return r->field;
-        }
-    }
-    return NULL;
-}
-
-static const char* actions_check(const verge_vehicle_plan_t* plan)
-{
-    for (int32_t i = 0; i < plan->action_count; ++i) {
-        const verge_plan_action_t* action = &plan->actions[i];
-        const row rows[] = {
-            { "actions.action", action->action, 0, VERGE_ACTION_COUNT - 1, KNOWN },
-            { "actions.lane", action->lane, -1, INT32_MAX, KNOWN },
-            { "actions.brake_light", action->brake_light, 0, 1, KNOWN },
-            { "actions.turn_signal", action->turn_signal, -1, 1, KNOWN },
-            { "actions.t0_ms", action->t0_ms, 0, 60000, KNOWN },
-            { "actions.t1_ms", action->t1_ms, action->t0_ms, 60000, KNOWN },
-            { "actions.speed", action->speed, 0, SPEED_MAX, KNOWN },
-        };
-        const char* fault = rows_check(rows, sizeof rows / sizeof rows[0]);
-        if (fault != NULL) {
-            return fault;
-        }
-    }
-    return NULL;
-}
-
-static const char* points_check(const verge_vehicle_plan_t* plan)
-{
-    for (int32_t i = 0; i < plan->point_count; ++i) {
-        const verge_plan_point_t* point = &plan->points[i];
-        const row rows[] = {
-            { "points.x", point->x, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
-            { "points.y", point->y, -WIRE_POSITION_MAX, WIRE_POSITION_MAX, KNOWN },
-            { "points.heading", point->heading, -HEADING_MAX, HEADING_MAX, KNOWN },
-            { "points.speed", point->speed, 0, SPEED_MAX, KNOWN },
-            { "points.acceleration", point->acceleration, -ACCELERATION_MAX, ACCELERATION_MAX,
-              KNOWN },
-            { "points.curvature", point->curvature, -CURVATURE_MAX, CURVATURE_MAX, KNOWN },
-        };
-        const char* fault = rows_check(rows, sizeof rows / sizeof rows[0]);
-        if (fault != NULL) {
-            return fault;
-        }
-    }
-    return NULL;
 }
 
 static bool continues(const verge_action_step* before, const verge_action_step* step)

@@ -18,19 +18,13 @@ enum { WIRE_ACTIONS_MAX = 10, WIRE_POINTS_MAX = 31 };
 /// [m] Where a double still resolves a nanometre; no map is larger.
 #define WIRE_POSITION_MAX 1e6
 
-/// What a state may say. All limits are inclusive; infinite is always refused.
-///     utime > 0             vehicle_id, >= 0          sequence any
-///     controlled 0, 1       |x|, |y| <= 1e6 m         |heading| <= pi + 1e-6
-///     speed 0 .. 60 m/s     |acceleration| <= 20      |yaw_rate| <= 3 rad/s or NaN
-///     length 0.5 .. 30 m    width 0.3 .. 4 m          position_sigma <= 100 m, negative or NaN
-///     target_lane >= -1     habit 0 .. 2              cooperation 0 .. 1 or NaN
-///     followed_cycle >= -1
-/// Null: acceptable. Otherwise the name of the first field that is not (static lifetime).
+/// Null: every field of a state is in the range that verge.lcm gives it. Otherwise the name of the
+/// first field that is not (static lifetime). Infinite is always refused.
 const char* wire_state_check(const verge_vehicle_state_t* state);
 
-/// The same for a plan: codes within their lists, counts within their arrays, dt_ms 1 .. 1000,
-/// t0_ms <= t1_ms <= 60000, valid_until_utime >= utime, |curvature| <= 10; a plan that is not
-/// cancelled has at least two points. Elements beyond the counts are not looked at.
+/// The same for a plan and its relations: valid_until_utime >= utime, t1_ms >= t0_ms; a plan that
+/// is not cancelled has at least two points, one with points has a dt_ms of at least 1. Elements
+/// beyond the counts are not looked at.
 const char* wire_plan_check(const verge_vehicle_plan_t* plan);
 
 /// A checked state as the planner wants it, at the state's own utime, without margin.

@@ -1,0 +1,73 @@
+/// The fields of the messages as tables: name, type, unit, range and a sentence for each, made from
+/// the one list of all fields, transport/src/messages.def.
+///
+///     const message_struct* of = message_of(TRANSPORT_STATE);
+///     for (uint32_t i = 0; i < of->field_count; ++i) ... of->fields[i].name
+///
+/// For programs that read or write every field of a message without naming any. The tables are
+/// constant and live as long as the program. Nothing allocates; any thread may call.
+#ifndef VERGE_MESSAGE_H
+#define VERGE_MESSAGE_H
+
+#include "verge/transport.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum message_type {
+    MESSAGE_INT16,
+    MESSAGE_INT32,
+    MESSAGE_INT64,
+    MESSAGE_FLOAT,
+    MESSAGE_DOUBLE,
+    MESSAGE_BITS32, ///< int32_t that is a pattern and no number: a checksum
+    MESSAGE_BITS64, ///< int64_t likewise
+    MESSAGE_COUNT,  ///< int32_t: how many elements of an array are in use
+    MESSAGE_ARRAY,  ///< structs of its own table
+} message_type;
+
+/// Which values besides those from min to max a field may have.
+typedef enum message_unknown {
+    MESSAGE_KNOWN,       ///< none
+    MESSAGE_OR_NAN,      ///< NaN
+    MESSAGE_OR_NEGATIVE, ///< NaN and everything finite below zero
+} message_unknown;
+
+typedef struct message_struct message_struct;
+
+typedef struct message_field {
+    const char*     name;
+    const char*     path; ///< as a check reports it: "speed", "points.speed"
+    message_type    type;
+    size_t          offset; ///< [B] in its struct
+    const char*     unit;   ///< "m/s"; empty: none
+    double          min, max; ///< both included; infinite: the type's own limit
+    message_unknown unknown;
+    const char*     text; ///< what it means; may be empty
+    // Of arrays only.
+    const message_struct* part;
+    uint32_t              length;       ///< elements
+    size_t                count_offset; ///< [B] of the count in the same struct
+} message_field;
+
+struct message_struct {
+    const char*          name; ///< in the schemas: "vehicle_state_t"
+    size_t               size; ///< [B] of the struct in C
+    const message_field* fields;
+    uint32_t             field_count;
+};
+
+/// Null for TRANSPORT_NONE and TRANSPORT_MARK, which are not in the schemas.
+const message_struct* message_of(transport_kind kind);
+
+/// Is every field in its range? Null: yes. Otherwise the path of the first field that is not
+/// (static lifetime). Elements of an array beyond its count are not looked at. Relations between
+/// fields are checked in wire.h.
+const char* message_check(transport_kind kind, const void* message);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

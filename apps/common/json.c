@@ -290,7 +290,7 @@ double json_as_double(const json_at* at, double min, double max)
         json_fail(at, "is %.12g, expected %g to %g", value, min, max);
         return min;
     }
-    return value;
+    return value + 0.0; // -0 becomes 0, as it is written
 }
 
 int64_t json_as_integer(const json_at* at, int64_t min, int64_t max)

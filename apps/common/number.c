@@ -1,8 +1,13 @@
 /// See number.h.
+#define _GNU_SOURCE
 #include "number.h"
+
+#include "decimal.h"
 
 #include <inttypes.h>
 #include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
 
 void number_write(FILE* out, double value)
 {
@@ -10,7 +15,9 @@ void number_write(FILE* out, double value)
         fputs("null", out);
         return;
     }
-    fprintf(out, "%.17g", value == 0.0 ? 0.0 : value);
+    char text[DECIMAL_SIZE];
+    decimal_from_double(value, text);
+    fputs(text, out);
 }
 
 void number_write_u64(FILE* out, uint64_t value)
@@ -61,4 +68,21 @@ void value_write(FILE* out, const cJSON* value)
     } else {
         fputs(cJSON_IsTrue(value) ? "true" : cJSON_IsFalse(value) ? "false" : "null", out);
     }
+}
+
+char* value_text(const cJSON* value)
+{
+    char*  text = NULL;
+    size_t size = 0;
+    FILE*  out = open_memstream(&text, &size);
+    if (out == NULL) {
+        return NULL;
+    }
+    value_write(out, value);
+    const bool written = ferror(out) == 0;
+    if (fclose(out) != 0 || !written) {
+        free(text);
+        return NULL;
+    }
+    return text;
 }

@@ -1,6 +1,8 @@
 /// See text.h.
 #include "text.h"
 
+#include "decimal.h"
+
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -31,20 +33,20 @@ void text_add(text* self, const char* format, ...)
 
 void text_add_double(text* self, double value)
 {
+    char decimal[DECIMAL_SIZE] = "null";
     if (isfinite(value)) {
-        text_add(self, "%.17g", value == 0.0 ? 0.0 : value);
-    } else {
-        text_add(self, "null");
+        decimal_from_double(value, decimal);
     }
+    text_add(self, "%s", decimal);
 }
 
 void text_add_float(text* self, float value)
 {
+    char decimal[DECIMAL_SIZE] = "null";
     if (isfinite(value)) {
-        text_add(self, "%.9g", value == 0.0f ? 0.0 : (double)value);
-    } else {
-        text_add(self, "null");
+        decimal_from_float(value, decimal);
     }
+    text_add(self, "%s", decimal);
 }
 
 void text_add_string(text* self, const char* words)

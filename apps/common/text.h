@@ -20,9 +20,9 @@ typedef struct text {
 
 text text_in(char* buffer, size_t size); ///< size >= 1
 void text_add(text* self, const char* format, ...) __attribute__((format(printf, 2, 3)));
-/// A double as JSON: 17 significant digits, null where it is not finite.
+/// A double as JSON: the shortest decimal that reads back the same, null where it is not finite.
 void text_add_double(text* self, double value);
-/// The same of a float, which nine digits hold.
+/// The same of a float.
 void text_add_float(text* self, float value);
 /// In quotes, with everything escaped that needs it.
 void text_add_string(text* self, const char* words);

@@ -7,6 +7,7 @@
 #define _GNU_SOURCE
 #include "common/floating.h"
 #include "common/input.h"
+#include "common/number.h"
 #include "common/options.h"
 #include "common/world.h"
 #include "rsu/replay.h"
@@ -202,7 +203,7 @@ static bool read_head(recording* self, const char* path, json_file* line, const 
     if (!json_given(&scene)) {
         return json_fail(&scene, "is missing, expected the scenario of the run");
     }
-    char* text = cJSON_PrintUnformatted(scene.node);
+    char* text = value_text(scene.node);
     const bool built =
         text != NULL && scenario_parse(&self->scene, path, text, strlen(text), seed);
     if (text == NULL) {

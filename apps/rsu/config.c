@@ -174,7 +174,7 @@ static bool take_road(config* self, const json_at* at)
     if (!road_from_json(at, &self->planner.road)) {
         return false;
     }
-    self->road_text = cJSON_PrintUnformatted(at->node);
+    self->road_text = value_text(at->node);
     return true;
 }
 

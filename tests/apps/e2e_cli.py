@@ -30,6 +30,16 @@ def run(program, *arguments, status=0):
     return done.stdout
 
 
+def check_numbers(text):
+    """Every number of a document is written with the fewest digits that read back the same."""
+    def digits(number):
+        return number.lstrip("-").split("e")[0].replace(".", "").strip("0")
+    plain = re.sub(r'"(?:[^"\\]|\\.)*"', '""', text)
+    for number in set(re.findall(r"-?\d[-+.0-9eE]*", plain)):
+        assert digits(number) == digits(repr(float(number))), f"{number} has digits too many"
+        assert number != "-0", "minus zero"
+
+
 def corners(x, y, heading, length, width):
     c, s = math.cos(heading), math.sin(heading)
     return [(x + a * c - b * s, y + a * s + b * c)
@@ -95,7 +105,9 @@ def check_start(plan, scenario):
 
 def check_run(path, scenario, printed):
     with open(path, encoding="utf-8") as file:
-        lines = [json.loads(line) for line in file]
+        text = file.read()
+    check_numbers(text)
+    lines = [json.loads(line) for line in text.splitlines()]
     head, last = lines[0], lines[-1]
     assert head["format"] == "verge-run/1" and head["dt"] == 0.1
     assert head["scenario"]["road"] == scenario["road"]
@@ -142,8 +154,9 @@ def untimed(document):
 
 
 def check_bench(program):
-    plain, same, other = (json.loads(run(program, "--quick", *seed))
-                          for seed in ([], ["--seed", "1"], ["--seed=2"]))
+    texts = [run(program, "--quick", *seed) for seed in ([], ["--seed", "1"], ["--seed=2"])]
+    check_numbers(texts[0])
+    plain, same, other = map(json.loads, texts)
     assert plain["format"] == "verge-bench/1"
     assert untimed(plain) == untimed(same), "the default seed of scenes and searches is 1"
     rewards = [[row["reward"] for row in document["search"]] for document in (plain, other)]
@@ -171,14 +184,14 @@ def main():
             assert text == run(plan_program, path), "two runs, two documents"
             check_plan(json.loads(text), scenario)
             check_start(json.loads(text), scenario)
-            for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)[:2000]:
-                assert "%.17g" % float(number) == number, number
+            check_numbers(text)
         path = os.path.join(options.scenarios, "ramp-case1.json")
         with open(path, encoding="utf-8") as file:
             scenario = json.load(file)
         runs = [os.path.join(folder, n) for n in ("a.jsonl", "b.jsonl")]
         outputs = [run(sim_program, path, "--no-timing", "--out", r) for r in runs]
         assert outputs[0] == outputs[1]
+        check_numbers(outputs[0])
         with open(runs[0], "rb") as a, open(runs[1], "rb") as b:
             assert a.read() == b.read(), "two runs, two run files"
         printed = json.loads(outputs[0])["metrics"]

@@ -116,7 +116,7 @@ static void test_fast_cost_equals_the_slow_reading_of_the_paper(void** state)
     for (uint32_t round = 0; round < test_rounds(20); round += 1) {
         scene* w;
         random_batch(&rng, &w, &batch, &path);
-        const verge_weights weights = { 100.0, 1.0, 5.0, 1.0, 0.0, 4.0 }; // jerk: next test
+        const verge_weights weights = { 100.0, 1.0, 5.0, 1.0, 0.0, 4.0 }; // jerk: test_kinematics.c
         vg_batch_run(&batch, &w->def, &weights, &w->tracks, 0);
         for (uint32_t i = 0; i < batch.leg_count * batch.offset_count; i += 5) {
             const vg_leg* leg = &batch.legs[i / batch.offset_count];
@@ -157,42 +157,6 @@ static void test_fast_cost_equals_the_slow_reading_of_the_paper(void** state)
     }
     printf("             %u costs compared\n", compared);
     assert_true(compared > 0);
-}
-
-static void test_jerk_and_curvature_rate_are_derivatives(void** state)
-{
-    (void)state;
-    static vg_batch batch;
-    static vg_path path;
-    test_rng rng = test_rng_seeded("rates");
-    for (uint32_t round = 0; round < test_rounds(100); round += 1) {
-        scene* w;
-        random_batch(&rng, &w, &batch, &path);
-        const vg_leg* leg = &batch.legs[test_rng_below(&rng, batch.leg_count)];
-        const double offset = batch.offsets[test_rng_below(&rng, batch.offset_count)];
-        const double h = 1e-3;
-        for (double t = 0.1; t < 2.9; t += 0.31) {
-            const vg_row rows[3] = { vg_leg_row(leg, t - h), vg_leg_row(leg, t),
-                                     vg_leg_row(leg, t + h) };
-            const vg_rear before = vg_rear_of(&rows[0], offset);
-            const vg_rear at = vg_rear_of(&rows[1], offset);
-            const vg_rear after = vg_rear_of(&rows[2], offset);
-            if (floor((rows[0].s - path.start) / path.knot_spacing)
-                == floor((rows[2].s - path.start) / path.knot_spacing)) {
-                // Inside one piece of the line.
-                CHECK_NEAR((after.curvature - before.curvature) / (2 * h), at.curvature_t,
-                           1e-4 + 2e-3 * fabs(at.curvature_t));
-                // What is left out: the line's second curvature rate, seen here by differences.
-                const double bend = (rows[2].line.curvature_rate - rows[0].line.curvature_rate)
-                                  / (rows[2].s - rows[0].s);
-                const double left_out = at.speed * at.speed * at.speed * fabs(bend * at.d);
-                CHECK_NEAR((after.acceleration - before.acceleration) / (2 * h), at.jerk,
-                           1e-3 + 1.2 * left_out + 1e-2 * fabs(at.jerk));
-            }
-            CHECK_NEAR((after.speed - before.speed) / (2 * h), at.acceleration, 5e-3);
-        }
-        scene_free(w);
-    }
 }
 
 static void test_what_raises_no_alarm_touches_nobody(void** state)
@@ -263,7 +227,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_fast_cost_equals_the_slow_reading_of_the_paper),
-        cmocka_unit_test(test_jerk_and_curvature_rate_are_derivatives),
         cmocka_unit_test(test_what_raises_no_alarm_touches_nobody),
         cmocka_unit_test(test_the_continuous_alert_zone_has_no_edge),
     };

@@ -208,14 +208,6 @@ vg_row vg_leg_row(const vg_leg* leg, double t)
     return row;
 }
 
-vg_state vg_leg_state(const vg_leg* leg, double offset, double t)
-{
-    const vg_row row = vg_leg_row(leg, t);
-    return (vg_state){ row.s, vg_max(row.s_t, 0.0), row.s_tt,
-                       row.base[0] + offset * row.shape[0], row.base[1] + offset * row.shape[1],
-                       row.base[2] + offset * row.shape[2], true };
-}
-
 vg_motion vg_motion_of(const vg_rear* rear)
 {
     return (vg_motion){ rear->x, rear->y, vg_atan2(rear->sin_heading, rear->cos_heading),

@@ -99,7 +99,6 @@ vg_piece vg_profile_at(const vg_profile* profile, double t);
 /// (the change then goes on beyond the leg).
 void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset);
 vg_row vg_leg_row(const vg_leg* leg, double t);
-vg_state vg_leg_state(const vg_leg* leg, double offset, double t);
 
 /// Motion of the rear axle. Branch-free: loops over offsets become vector code. The line's
 /// second curvature rate is taken as zero, as it is between the knots of a cubic spline.

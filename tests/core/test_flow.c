@@ -365,11 +365,6 @@ static void humans_follow_the_idm_behind_the_nearest_vehicle_in_their_path(void*
             CHECK_NEAR(moves.v[0][j], expected.v, 1e-3);
             CHECK_NEAR(moves.y[0][j], expected.y, 1e-4);
         }
-        const double v = test_rng_between(&rng, 0.0, 30.0);
-        const double gap = test_rng_between(&rng, -5.0, 90.0);
-        const double lead = test_rng_between(&rng, 0.0, 30.0);
-        CHECK_NEAR(vg_idm_acceleration(&at->def, v, 20.0, gap, lead),
-                   idm_by_hand(&at->def, v, 20.0, gap, lead), 1e-9);
     }
     stage_close(at);
 }

@@ -438,9 +438,9 @@ static void test_a_diverge_leaves_the_branch_not_taken_out_of_sight(void** state
     assert_int_equal(verge_road_next(w->road, 0, 1), 1);
     assert_int_equal(verge_road_next(w->road, 0, VERGE_NO_LANE), 1);
     assert_int_equal(verge_road_next(w->road, 2, 1), VERGE_NO_LANE);
-    assert_true(verge_road_leads_to(w->road, 0, 2));
-    assert_false(verge_road_leads_to(w->road, 1, 2));
     assert_true(verge_road_continues(w->road, 0, 2));
+    assert_false(verge_road_continues(w->road, 1, 2));
+    assert_false(verge_road_continues(w->road, 2, 0));
     assert_int_equal(vg_road_changes(w->road, 1, 2), 255);
     assert_int_equal(w->road->on_route[0 * 4 + 3], 1u | 4u); // wants 2: sees itself and 2
     assert_int_equal(w->road->on_route[0 * 4 + 2], 1u | 2u);

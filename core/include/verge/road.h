@@ -77,8 +77,6 @@ double  verge_road_speed_limit(const verge_road* road, int32_t lane_id); ///< [m
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane);
 /// Is lane_id the target lane, or a lane that continues it (by successors only)?
 bool    verge_road_continues(const verge_road* road, int32_t target_lane, int32_t lane_id);
-/// Does driving on along lane_id, by successors only, lead to target_lane?
-bool    verge_road_leads_to(const verge_road* road, int32_t lane_id, int32_t target_lane);
 
 #ifdef __cplusplus
 }

@@ -134,14 +134,6 @@ bool verge_road_continues(const verge_road* road, int32_t target_lane, int32_t l
     return lane >= 0 && target >= 0 && vg_road_continues(road, (uint32_t)target, (uint32_t)lane);
 }
 
-bool verge_road_leads_to(const verge_road* road, int32_t lane_id, int32_t target_lane)
-{
-    const int32_t lane = vg_road_lane_index(road, lane_id);
-    const int32_t target = vg_road_lane_index(road, target_lane);
-    // A target continues the lane exactly where the lane leads to it.
-    return lane >= 0 && target >= 0 && vg_road_continues(road, (uint32_t)lane, (uint32_t)target);
-}
-
 int32_t vg_lane_before(const struct verge_road* road, uint32_t lane)
 {
     const vg_reference at = vg_lane_at(&road->lanes[lane], 0.0);

@@ -433,18 +433,8 @@ static window look(const vg_scene* scene, const vg_flow* flow, uint32_t i, float
                         : scan(scene, flow, i, station, y, stations, v, open, false);
 }
 
-double vg_idm_acceleration(const verge_planner_def* def, double v, double desired, double gap, double v_lead)
-{
-    const double closing = v * (v - v_lead) / (2.0 * def->idm_comfort);
-    const double wanted = vg_max(def->idm_gap + v * def->idm_headway_s + closing, def->idm_gap);
-    const double ratio = wanted / vg_max(gap, 1.0);
-    const double pace = v / desired;
-    const double a =
-        def->idm_acceleration * (1.0 - pace * pace * pace * pace - ratio * ratio);
-    return vg_max(a, -def->idm_braking_max);
-}
-
-// The same in single precision; what is divided by all the time is given as its inverse.
+// The IDM's acceleration [m/s^2]: Treiber 2000, with a limit of the braking and the gap taken as
+// 1 m at least. What is divided by all the time is given as its inverse.
 INLINE float idm(const verge_planner_def* def, float per_closing, float braking, float v,
                  float per_desired, float gap,
                  float v_lead)

@@ -151,9 +151,6 @@ bool vg_flow_in_target(const vg_scene* scene, const vg_flow* flow, uint32_t slot
 /// whole: it ended well (horizon or terminal); else the remaining steps earn nothing.
 double vg_flow_reward(const vg_scene* scene, const vg_flow* flow, uint32_t step, bool whole);
 
-/// The IDM's acceleration [m/s^2]: Treiber 2000, with the limits of findings/paper.md.
-double vg_idm_acceleration(const verge_planner_def* def, double v, double desired, double gap, double v_lead);
-
 #ifdef __cplusplus
 }
 #endif

@@ -6,6 +6,11 @@
 /// determinism tests build with every compiler and for every machine, and whose output they
 /// compare with tests/golden.txt. Cycle 0 is what verge-plan prints for the scenario.
 ///
+///     verge_digest [--flush-subnormals] [SCENARIO]
+///
+/// --flush-subnormals plans in the mode that flushes subnormal numbers to zero (FTZ, DAZ): the
+/// digests are promised to be the same.
+///
 /// Between two cycles controlled vehicles are moved to where their plan puts them, and the others
 /// as the planner predicts them; so a difference of one bit anywhere grows.
 #include "verge/verge.h"
@@ -122,9 +127,30 @@ static int plan_scenario(const scenario* scene)
     return status == VERGE_OK ? 0 : 1;
 }
 
+static void flush_subnormals(void)
+{
+#if defined(__x86_64__)
+    __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8040u);
+#elif defined(__aarch64__)
+    uint64_t mode;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(mode));
+    __asm__ volatile("msr fpcr, %0" : : "r"(mode | (UINT64_C(1) << 24)));
+#endif
+    const volatile double smallest_normal = 2.2250738585072014e-308;
+    if (smallest_normal / 2.0 != 0.0) {
+        fputs("this machine keeps subnormal numbers\n", stderr);
+        exit(2);
+    }
+}
+
 int main(int argc, char** argv)
 {
     int failed = 0;
+    if (argc > 1 && strcmp(argv[1], "--flush-subnormals") == 0) {
+        flush_subnormals();
+        --argc;
+        ++argv;
+    }
     for (size_t i = 0; i < sizeof scenarios / sizeof scenarios[0]; i++) {
         if (argc < 2 || strcmp(argv[1], scenarios[i].name) == 0) {
             failed |= plan_scenario(&scenarios[i]);

@@ -1,5 +1,6 @@
 #!/bin/bash
-# Claim: the same digests from every compiler, optimisation and machine.
+# Claim: the same digests from every compiler, optimisation and machine, whether subnormal numbers
+# are flushed to zero or not.
 #
 #     run.sh VARIANT SOURCE_DIR WORK_DIR            compare with tests/golden.txt
 #     run.sh VARIANT SOURCE_DIR WORK_DIR --print    print the digests only
@@ -57,4 +58,7 @@ if ! grep -v '^#' "$golden" | diff - "$actual" >"$build/difference.txt"; then
     echo "If the change of behaviour is meant: tools/check --accept-golden, then commit." >&2
     exit 1
 fi
+"${runner[@]}" "$build/verge_digest" --flush-subnormals >"$build/flushed.txt"
+diff "$actual" "$build/flushed.txt" ||
+    { echo "$variant: digests differ where subnormal numbers are flushed to zero (>)" >&2; exit 1; }
 echo "$variant: $(wc -l <"$actual") digests as in tests/golden.txt, $((SECONDS - started)) s"

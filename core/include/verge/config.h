@@ -11,13 +11,14 @@
 #endif
 
 /// Vehicles the planner sees at once, controlled and uncontrolled. 8 .. 64.
-/// Cost: 16 B a vehicle in every tree node; 1 KiB a vehicle in a plan (its prediction).
+/// Cost: 13 B a vehicle in every tree node, 9 B more if it is controlled; 1 kB a vehicle in a plan
+/// (its prediction).
 #ifndef VERGE_VEHICLES_MAX
 #define VERGE_VEHICLES_MAX 64
 #endif
 
 /// Vehicles planned jointly. 1 .. VERGE_VEHICLES_MAX.
-/// Cost: one sampler workspace (about 100 KiB) each, and 6 KiB each in a plan.
+/// Cost: one sampler workspace (about 90 kB) each, and 3 kB each in a plan.
 #ifndef VERGE_CONTROLLED_MAX
 #define VERGE_CONTROLLED_MAX 16
 #endif
@@ -58,7 +59,7 @@
 #endif
 
 /// Nodes of the search tree (the default of verge_planner_def.nodes_max, which sizes the arena).
-/// Cost: about 64 B + 16 B a vehicle each.
+/// Cost: 64 B each, and 13 B a vehicle, 9 B more if it is controlled.
 #ifndef VERGE_NODES_MAX
 #define VERGE_NODES_MAX 4096
 #endif

@@ -101,10 +101,11 @@ typedef struct verge_search_report {
     bool     complete;    ///< every intention is reached within the horizon of the returned plan
 } verge_search_report;
 
-/// The whole plan. Large (about 250 KiB): keep it in static memory. Vehicles are ordered by id.
+/// The whole plan. Large (113 kB with the default capacities): keep it in static memory. Vehicles are
+/// ordered by id.
 typedef struct verge_plan {
     int64_t             utime;   ///< [us] t = 0 of everything in it
-    uint64_t            digest;  ///< of every field of every vehicle plan, see README
+    uint64_t            digest;  ///< of all vehicle plans and predictions, see core/README.md
     verge_search_report search;
     uint32_t            vehicle_count;
     verge_vehicle_plan  vehicles[VERGE_CONTROLLED_MAX];

@@ -14,6 +14,9 @@
 /// Sameness    The same def, and the same steps in the same order, give the same plans, bit for
 ///             bit, on every machine, compiler and number of threads. A planner remembers its
 ///             last plan (to keep to it unless a better one pays), so the order of steps counts.
+///             Precondition: the calling thread, and the threads of the executor, round to nearest,
+///             as every platform does by default. Whether they flush subnormal numbers to zero
+///             (FTZ, DAZ) does not matter.
 #ifndef VERGE_PLANNER_H
 #define VERGE_PLANNER_H
 
@@ -127,7 +130,7 @@ const verge_param* verge_planner_params(uint32_t* count);
 verge_status verge_planner_check(const verge_planner_def* def, const char** fault);
 
 /// Bytes verge_planner_init() needs for this def, road included; 0 if the def or its road is
-/// refused. Not cheap: it fits the road once.
+/// refused. Fast beside verge_planner_init(): nothing is fitted here.
 size_t verge_planner_memory_size(const verge_planner_def* def);
 
 /// One line of the memory budget: what for, and how many bytes.

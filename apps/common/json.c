@@ -1,8 +1,9 @@
-/// See json.h. The parser is cJSON's; what it lets pass (keys that appear twice, numbers that
-/// overflow or are spelled as in C) is checked here over the whole document once.
+/// See json.h. The parser is cJSON's; the text is checked before (json_syntax.h), and what is left
+/// (keys that appear twice, numbers that overflow) over the whole document once.
 #include "json.h"
 
 #include "input.h"
+#include "json_syntax.h"
 
 #include <errno.h>
 #include <math.h>
@@ -12,9 +13,8 @@
 #include <string.h>
 
 static const char* read_file(const char* path, char** text, size_t* size);
+static void text_parse(json_file* file, const char* text, size_t size);
 static size_t text_end(const char* text, size_t size);
-static void report_syntax(json_file* file, const char* text, const char* end);
-static bool check_numbers(json_file* file, const char* text);
 static void check_values(const json_at* at);
 static void path_write(const json_at* at, char* text, size_t size);
 static const char* kind_of(const json_at* at);
@@ -42,33 +42,13 @@ bool json_file_load(json_file* file, const char* path)
 bool json_file_parse(json_file* file, const char* name, const char* text, size_t size)
 {
     *file = (json_file){ .name = strdup(name) };
-    const size_t bad = text_end(text, size);
-    if (bad < size) {
-        uint32_t line = 1;
-        for (size_t i = 0; i < bad; i++) {
-            line += text[i] == '\n';
-        }
-        snprintf(file->error, sizeof file->error, "%s:%u: not text, expected JSON in UTF-8\n", name,
-                 line);
-        json_file_free(file);
-        return false;
-    }
-    // cJSON wants its terminator: it then refuses whatever follows the document.
-    char* copy = malloc(size + 1);
-    if (copy == NULL) {
+    char* copy = malloc(size + 1); // with the end that the parser wants
+    if (copy == NULL || file->name == NULL) {
         snprintf(file->error, sizeof file->error, "%s:file: out of memory\n", name);
-        json_file_free(file);
-        return false;
-    }
-    memcpy(copy, text, size);
-    copy[size] = '\0';
-    const char* end = copy;
-    file->document = cJSON_ParseWithOpts(copy, &end, true);
-    if (file->document == NULL) {
-        report_syntax(file, copy, end);
-    } else if (check_numbers(file, copy)) {
-        const json_at root = json_root(file);
-        check_values(&root);
+    } else {
+        memcpy(copy, text, size);
+        copy[size] = '\0';
+        text_parse(file, copy, size);
     }
     free(copy);
     if (file->error[0] != '\0') {
@@ -76,6 +56,28 @@ bool json_file_parse(json_file* file, const char* name, const char* text, size_t
         return false;
     }
     return true;
+}
+
+static void text_parse(json_file* file, const char* text, size_t size)
+{
+    const size_t bad = text_end(text, size);
+    json_syntax_fault fault;
+    if (bad < size) {
+        uint32_t line = 1;
+        for (size_t i = 0; i < bad; i++) {
+            line += text[i] == '\n';
+        }
+        snprintf(file->error, sizeof file->error, "%s:%u: not text, expected JSON in UTF-8\n",
+                 file->name, line);
+    } else if (!json_syntax_check(text, &fault)) {
+        snprintf(file->error, sizeof file->error, "%s:%u: %s\n", file->name, fault.line,
+                 fault.what);
+    } else if ((file->document = cJSON_ParseWithOpts(text, NULL, true)) == NULL) {
+        snprintf(file->error, sizeof file->error, "%s:file: out of memory\n", file->name);
+    } else {
+        const json_at root = json_root(file);
+        check_values(&root);
+    }
 }
 
 void json_file_free(json_file* file)
@@ -263,11 +265,11 @@ char* json_path(const json_at* at)
 uint32_t json_choice(const json_at* of, const char* key, const char* const* names)
 {
     const json_at at = json_member(of, key);
-    const char*   text = json_string(of, key);
+    const bool    is_text = cJSON_IsString(at.node);
     char   expected[192] = "";
     size_t used = 0;
     for (uint32_t i = 0; names[i] != NULL; i++) {
-        if (strcmp(names[i], text) == 0) {
+        if (is_text && strcmp(names[i], at.node->valuestring) == 0) {
             return i;
         }
         if (used < sizeof expected) {
@@ -275,7 +277,11 @@ uint32_t json_choice(const json_at* of, const char* key, const char* const* name
                                      i == 0 ? "" : " or ", names[i]);
         }
     }
-    json_fail(&at, "is \"%.40s\", expected %s", text, expected);
+    if (is_text) {
+        json_fail(&at, "is \"%.40s\", expected %s", at.node->valuestring, expected);
+    } else {
+        json_fail(&at, "is %s, expected %s", kind_of(&at), expected);
+    }
     return 0;
 }
 
@@ -378,82 +384,6 @@ static size_t text_end(const char* text, size_t size)
         i += length;
     }
     return size;
-}
-
-static void report_syntax(json_file* file, const char* text, const char* end)
-{
-    uint32_t line = 1;
-    for (const char* c = text; c < end && *c != '\0'; c++) {
-        line += *c == '\n';
-    }
-    char near[24] = "";
-    for (size_t i = 0; i + 1 < sizeof near && end[i] != '\0' && end[i] != '\n'; i++) {
-        near[i] = (unsigned char)end[i] < ' ' ? '?' : end[i];
-    }
-    const bool at_end = near[0] == '\0';
-    snprintf(file->error, sizeof file->error, "%s:%u: %s%s%s, expected JSON\n", file->name, line,
-             at_end ? "ends too early" : "cannot read \"", near, at_end ? "" : "\"");
-}
-
-static const char* skip_digits(const char* at)
-{
-    while (*at >= '0' && *at <= '9') {
-        at++;
-    }
-    return at;
-}
-
-/// The end of a number spelled as JSON spells it, RFC 8259 section 6; null: there is none here.
-static const char* number_end(const char* at)
-{
-    at += *at == '-';
-    const char* whole = at;
-    at = *at == '0' ? at + 1 : skip_digits(at);
-    if (at == whole) {
-        return NULL;
-    }
-    if (*at == '.') {
-        const char* fraction = at + 1;
-        at = skip_digits(fraction);
-        if (at == fraction) {
-            return NULL;
-        }
-    }
-    if (*at == 'e' || *at == 'E') {
-        at += at[1] == '+' || at[1] == '-' ? 2 : 1;
-        const char* exponent = at;
-        at = skip_digits(exponent);
-        if (at == exponent) {
-            return NULL;
-        }
-    }
-    return at;
-}
-
-/// The parser reads numbers as C does: 015 and 15. pass. text has been parsed without an error,
-/// so outside of strings a digit or a sign begins a number.
-static bool check_numbers(json_file* file, const char* text)
-{
-    uint32_t line = 1;
-    bool     inside = false; // of a string
-    for (const char* c = text; *c != '\0'; c++) {
-        line += *c == '\n';
-        if (*c == '"') {
-            inside = !inside;
-        } else if (inside) {
-            c += *c == '\\'; // what it escapes is no end of the string
-        } else if (strchr("+-.0123456789", *c) != NULL) {
-            const size_t length = strspn(c, "+-.eE0123456789");
-            if (number_end(c) != c + length) {
-                snprintf(file->error, sizeof file->error,
-                         "%s:%u: \"%.*s\" is no number of JSON, expected one like 15, 15.0 or"
-                         " 1e-3\n", file->name, line, length < 24 ? (int)length : 24, c);
-                return false;
-            }
-            c += length - 1;
-        }
-    }
-    return true;
 }
 
 /// Depth is bounded by the parser (1,000 levels).

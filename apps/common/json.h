@@ -11,11 +11,10 @@
 ///             line `file:field: what is wrong, what was expected` (the field as a path such as
 ///             road.lanes[3].width; a syntax error names the line instead) and later troubles
 ///             are ignored. After it the getters still return a value inside the asked range.
-/// Strictness  NaN, numbers JSON has no spelling for (015, 15., .5, +1, 0x1f), numbers too large
-///             for a double, a key that appears twice, objects of more than JSON_KEYS_MAX keys,
-///             text after the document, files above JSON_FILE_SIZE_MAX and what is no regular file
-///             (a FIFO, a device, a directory) are refused. null is a value of the wrong type
-///             wherever it is not said to mean "none".
+/// Strictness  RFC 8259 to the letter (json_syntax.h: the first fault with its line and words), and
+///             besides: numbers too large for a double, a key that appears twice, objects of more
+///             than JSON_KEYS_MAX keys and files above JSON_FILE_SIZE_MAX are refused. null is a
+///             value of the wrong type wherever it is not said to mean "none".
 /// Memory      Heap, until json_file_free(). This is for start-up only.
 #ifndef VERGE_APPS_JSON_H
 #define VERGE_APPS_JSON_H

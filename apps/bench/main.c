@@ -28,8 +28,8 @@ typedef struct bench_scene {
     void*        memory;
     verge_road*  road;
     vg_tree*     tree;
-    vg_sight     sight;
-    vg_scene     scene;
+    vg_pairs     sight;
+    vg_model     scene;
     vg_flow      root;
     vg_decision  decision;
     vg_tracks    tracks;
@@ -224,7 +224,7 @@ static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed, uint3
             v->target_lane = (int32_t)at->lane + (left ? 1 : -1);
         }
     }
-    vg_scene_from(&self->scene, &self->root, &self->def, self->road, &self->sight, self->vehicles,
+    vg_model_from(&self->scene, &self->root, &self->def, self->road, &self->sight, self->vehicles,
                   self->placed, count);
 }
 

@@ -1,15 +1,16 @@
 /// See bound.h.
 #include "bound.h"
 
-#include "traffic/flow.h"
+#include "traffic/advance.h"
+#include "traffic/reward.h"
 #include "must.h"
 
 #include <math.h>
 
 /// One vehicle alone.
 typedef struct alone {
-    vg_scene scene;
-    vg_sight sight;
+    vg_model scene;
+    vg_pairs sight;
     vg_flow  flows[BOUND_STEPS_MAX + 1]; ///< along the sequence under way
 } alone;
 
@@ -27,12 +28,12 @@ double bound_of(const world* world)
     }
     alone* all = must_calloc(1, sizeof *all);
     alone* self = must_calloc(1, sizeof *self);
-    vg_scene_from(&all->scene, &all->flows[0], def, world->road, &all->sight, vehicles, placed,
+    vg_model_from(&all->scene, &all->flows[0], def, world->road, &all->sight, vehicles, placed,
                   count);
     double sum = 0.0;
     for (uint32_t slot = 0; slot < all->scene.controlled_count; slot++) {
         const uint32_t i = all->scene.input_index[slot];
-        vg_scene_from(&self->scene, &self->flows[0], def, world->road, &self->sight, &vehicles[i],
+        vg_model_from(&self->scene, &self->flows[0], def, world->road, &self->sight, &vehicles[i],
                       &placed[i], 1);
         sum += (double)all->scene.weight[slot] * best_alone(self, 0);
     }

@@ -9,6 +9,7 @@
 #include "decide/mcts.h"
 #include "motion/predict.h"
 #include "motion/sampler.h"
+#include "traffic/advance.h"
 #include "base/scalar.h"
 
 #include <string.h>
@@ -46,8 +47,8 @@ struct verge_planner {
     vg_arena      arena;
     verge_road*   road;
     vg_tree*      tree;
-    vg_sight*     sight;
-    vg_scene*     scene;
+    vg_pairs*     sight;
+    vg_model*     scene;
     vg_flow*      root;
     vg_decision*  decision;
     vg_tracks*    tracks;
@@ -102,8 +103,8 @@ static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def)
     const size_t vehicles = def->vehicles_max, planned = def->controlled_max;
     verge_planner* self = vg_arena_take(arena, sizeof *self);
     vg_tree* tree = vg_tree_take(arena, def);
-    vg_sight* sight = vg_arena_take(arena, sizeof *sight);
-    vg_scene* scene = vg_arena_take(arena, sizeof *scene);
+    vg_pairs* sight = vg_arena_take(arena, sizeof *sight);
+    vg_model* scene = vg_arena_take(arena, sizeof *scene);
     vg_flow* root = vg_arena_take(arena, sizeof *root);
     vg_decision* decision = vg_arena_take(arena, sizeof *decision);
     vg_tracks* tracks = vg_arena_take(arena, sizeof *tracks);
@@ -176,7 +177,7 @@ void verge_planner_memory_terms(const verge_planner_def* def, verge_memory_term 
         { "jobs: one a controlled vehicle", def->controlled_max * sizeof(vg_job) },
         { "tracks: where everyone will be", sizeof(vg_tracks) },
         { "decision: the flow at every step", sizeof(vg_decision) },
-        { "sight: who sees whom", sizeof(vg_sight) },
+        { "sight: who sees whom", sizeof(vg_pairs) },
         { "planner, vehicles, alignment, fitting of the road", 0 },
     };
     size_t sum = 0;
@@ -399,7 +400,7 @@ static uint8_t remembered_action(const memory* last, int32_t id, double t, doubl
 }
 
 // The last plan moved to now: each step takes what was planned for its middle.
-static bool shift_last(const verge_planner* self, const vg_scene* scene, double age, vg_joint_actions* line)
+static bool shift_last(const verge_planner* self, const vg_model* scene, double age, vg_joint_actions* line)
 {
     const double step_s = self->def.step_s;
     bool any = false;
@@ -420,7 +421,7 @@ static bool shift_last(const verge_planner* self, const vg_scene* scene, double 
 // Does the decision confirm this line, for the same vehicles as before?
 static bool same_line(const verge_planner* self, const vg_joint_actions* line)
 {
-    const vg_scene* scene = self->scene;
+    const vg_model* scene = self->scene;
     bool same = self->last.count == scene->controlled_count;
     for (uint32_t slot = 0; slot < scene->controlled_count; ++slot) {
         same = same && self->last.ids[slot] == self->vehicles[scene->input_index[slot]].id;
@@ -451,8 +452,8 @@ static bool decide(verge_planner* self, int64_t utime, uint32_t count)
     const double age = (double)(utime - self->last.line_utime) * 1e-6;
     const double known = age >= 0.0 && age < 100.0 ? age : -1.0;
     const bool remembers = self->def.search == VERGE_SEARCH_BEST;
-    vg_scene* scene = self->scene;
-    vg_scene_from(scene, self->root, &self->def, self->road, self->sight, self->vehicles,
+    vg_model* scene = self->scene;
+    vg_model_from(scene, self->root, &self->def, self->road, self->sight, self->vehicles,
                   self->placed, count);
     if (scene->controlled_count == 0) {
         return false;
@@ -469,7 +470,7 @@ static bool decide(verge_planner* self, int64_t utime, uint32_t count)
 
 // ---------------------------------------------------------------------------- trajectories
 
-static int32_t slot_of(const vg_scene* scene, uint32_t input_index)
+static int32_t slot_of(const vg_model* scene, uint32_t input_index)
 {
     for (uint32_t slot = 0; slot < scene->controlled_count; ++slot) {
         if (scene->input_index[slot] == input_index) {
@@ -705,10 +706,10 @@ void verge_planner_advance_humans(verge_planner* self, verge_vehicle* vehicles, 
         }
     }
     vg_flow next;
-    vg_scene* scene = self->scene;
-    vg_scene_from(scene, self->root, &self->def, self->road, self->sight, self->vehicles,
+    vg_model* scene = self->scene;
+    vg_model_from(scene, self->root, &self->def, self->road, self->sight, self->vehicles,
                   self->placed, count);
-    vg_scene_free_humans(scene, self->root);
+    vg_model_free_humans(scene, self->root);
     vg_flow_follow(scene, self->root, dt, &next);
     for (uint32_t slot = scene->controlled_count; slot < scene->count; ++slot) {
         const uint32_t i = scene->input_index[slot];

@@ -2,6 +2,8 @@
 
 #include "verge/plan.h"
 
+#include "traffic/actions.h"
+
 const char* verge_status_text(verge_status status)
 {
     switch (status) {
@@ -19,8 +21,7 @@ const char* verge_status_text(verge_status status)
 
 const char* verge_action_name(verge_action action)
 {
-    static const char* const names[VERGE_ACTION_COUNT] = { "KS", "AC", "DC", "LCL", "LCR" };
-    return (unsigned)action < VERGE_ACTION_COUNT ? names[action] : "??";
+    return (unsigned)action < VERGE_ACTION_COUNT ? vg_actions[action].name : "??";
 }
 
 const char* verge_reason_text(verge_reason reason)
@@ -112,14 +113,9 @@ size_t verge_action_say(const verge_action_step* step, char* text, size_t size)
     if (size == 0) {
         return 0;
     }
-    const bool changing = step->action == VERGE_CHANGE_LEFT || step->action == VERGE_CHANGE_RIGHT;
-    switch (step->action) {
-    case VERGE_KEEP_SPEED: say(&to, "keeping lane and speed"); break;
-    case VERGE_ACCELERATE: say(&to, "speeding up"); break;
-    case VERGE_DECELERATE: say(&to, "slowing down"); break;
-    case VERGE_CHANGE_LEFT: say(&to, "changing to the left lane"); break;
-    case VERGE_CHANGE_RIGHT: say(&to, "changing to the right lane"); break;
-    }
+    const bool known = (unsigned)step->action < VERGE_ACTION_COUNT;
+    const bool changing = known && vg_action_changes_lane(step->action);
+    say(&to, known ? vg_actions[step->action].words : "unknown action");
     if (step->ahead_id >= 0) {
         say_neighbour(&to, " behind", step->ahead_id);
     }

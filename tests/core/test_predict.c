@@ -164,7 +164,7 @@ static void off_the_road_a_body_goes_straight_on(void** state)
     verge_vehicle* off = stage_add(at, false, 0, 100.0, 90.0, 6.0, -1);
     off->heading = 2.0;
     at->placed[1].on_road = false;
-    vg_scene_from(&at->scene, &at->root, &at->def, at->road, &at->sight, at->vehicles, at->placed,
+    vg_model_from(&at->scene, &at->root, &at->def, at->road, &at->pairs, at->vehicles, at->placed,
                   at->count);
     assert_int_equal(at->scene.count, 1);
     decide(at, 1);

@@ -13,7 +13,10 @@
 #include "check.h"
 #include "rng.h"
 
-#include "traffic/flow.h"
+#include "traffic/advance.h"
+#include "traffic/conflict.h"
+#include "traffic/pairs.h"
+#include "traffic/reward.h"
 #include "verge/planner.h"
 
 #include <math.h>
@@ -32,8 +35,8 @@ typedef struct stage {
     uint32_t count;
     verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     vg_placed placed[VERGE_VEHICLES_MAX];
-    vg_sight sight;
-    vg_scene scene;
+    vg_pairs pairs;
+    vg_model scene;
     vg_flow root;
 } stage;
 
@@ -110,7 +113,7 @@ static inline verge_vehicle* stage_add(stage* at, bool planned, uint32_t lane, d
 
 static inline void stage_begin(stage* at)
 {
-    vg_scene_from(&at->scene, &at->root, &at->def, at->road, &at->sight, at->vehicles, at->placed,
+    vg_model_from(&at->scene, &at->root, &at->def, at->road, &at->pairs, at->vehicles, at->placed,
                   at->count);
     assert_int_equal(at->scene.count, at->count);
 }

@@ -15,7 +15,7 @@ typedef enum kind {
 
 // One vehicle's problem.
 typedef struct problem {
-    const vg_scene* scene;
+    const vg_model* scene;
     uint32_t steps, slot;
     uint32_t halves;   // half changes from here to the target's centre
     bool     lost;     // no way to the target is known: nothing is ruled out
@@ -33,7 +33,7 @@ static double worth_of(const problem* self, uint32_t left)
     if (self->lost || left == 0) {
         return 1.0;
     }
-    return left % 2u == 0 ? VG_NEARNESS_ONE_CHANGE / (double)(left / 2u) : 0.0;
+    return left % 2u == 0 ? VG_VALUE_ONE_CHANGE / (double)(left / 2u) : 0.0;
 }
 
 static double pace_of(const problem* self, uint32_t accelerated)
@@ -100,13 +100,13 @@ static double solve(const problem* self)
     return buffer[0][0][0][nothing];
 }
 
-static problem problem_of(const vg_scene* scene, const vg_flow* root, uint32_t slot, double full,
+static problem problem_of(const vg_model* scene, const vg_flow* root, uint32_t slot, double full,
                           double limit)
 {
     const verge_road* road = scene->road;
     const uint32_t lane = (uint32_t)root->lane[slot];
     const int32_t target = scene->target[slot];
-    const bool good = ((scene->good_lanes[slot] >> lane) & 1u) != 0;
+    const bool good = ((scene->target_lanes[slot] >> lane) & 1u) != 0;
     const uint8_t changes =
         target < 0 || good ? 0 : (uint8_t)vg_road_changes(road, lane, (uint32_t)target);
     // Off the centre half a change may have been made already.
@@ -125,7 +125,7 @@ static problem problem_of(const vg_scene* scene, const vg_flow* root, uint32_t s
     };
 }
 
-double vg_flow_bound(const vg_scene* scene, const vg_flow* root)
+double vg_flow_bound(const vg_model* scene, const vg_flow* root)
 {
     // The slowest lane is the easiest to drive at full pace, the fastest lets accelerate longest.
     double full = VG_HUGE, limit = 0.0;

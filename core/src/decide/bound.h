@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 /// [1] in [0, 1]; X_flow of every plan from this flow is at most this.
-double vg_flow_bound(const vg_scene* scene, const vg_flow* root);
+double vg_flow_bound(const vg_model* scene, const vg_flow* root);
 
 #ifdef __cplusplus
 }

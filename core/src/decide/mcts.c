@@ -5,6 +5,9 @@
 #include "decide/bound.h"
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "traffic/advance.h"
+#include "traffic/conflict.h"
+#include "traffic/reward.h"
 
 #include <string.h>
 
@@ -43,7 +46,7 @@ struct vg_tree {
 // One search: everything that changes while it runs.
 typedef struct search {
     vg_tree*        tree;
-    const vg_scene* scene;
+    const vg_model* scene;
     vg_random*      random;
     vg_flow         buffer[2];
     vg_flow*        flow; // the simulation's state
@@ -172,7 +175,7 @@ static int32_t new_node(search* self, int32_t parent, const uint8_t* actions, co
 
 // ---------------------------------------------------------------------------- run
 
-void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_random* random,
+void vg_mcts_run(vg_tree* tree, const vg_model* scene, const vg_flow* root, vg_random* random,
                  const vg_joint_actions* warm, vg_decision* decision)
 {
     const verge_planner_def* def = scene->def;
@@ -210,12 +213,6 @@ void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_r
     decision->report.bound = vg_flow_bound(scene, root);
 }
 
-// Where a step leads across: 0 along the lane, else the change.
-static uint8_t across(uint8_t action)
-{
-    return action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT ? action : 0;
-}
-
 // Share of X_flow that belongs to those whose lane changes are others than in the line kept: to
 // drive a little faster or slower than said is no change of mind. [1]
 static double switched(const search* self, const vg_joint_actions* kept)
@@ -224,7 +221,8 @@ static double switched(const search* self, const vg_joint_actions* kept)
     for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
         bool same = true;
         for (uint32_t t = 0; t < self->scene->def->steps; ++t) {
-            same = same && across(wish_of(kept, t, i)) == across(wish_of(&self->best, t, i));
+            same = same && vg_actions[wish_of(kept, t, i)].across
+                               == vg_actions[wish_of(&self->best, t, i)].across;
         }
         sum += same ? 0.0 : (double)self->scene->weight[i];
     }
@@ -312,14 +310,13 @@ static int32_t uct_child(const search* self, const vg_metanode* node)
     return best;
 }
 
-// Sets of five actions have 32 values; a table needs no instruction that not every machine has.
+// A table for half of the actions: a population count is not an instruction of every machine.
 static uint32_t size_of(uint8_t set)
 {
-    static const uint8_t sizes[1u << VERGE_ACTION_COUNT] = { 0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2,
-                                                             3, 2, 3, 3, 4, 1, 2, 2, 3, 2, 3,
-                                                             3, 4, 2, 3, 3, 4, 3, 4, 4, 5 };
-    return sizes[set & 31u];
+    static const uint8_t sizes[16] = { 0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4 };
+    return (uint32_t)sizes[set & 15u] + sizes[set >> 4];
 }
+static_assert(VERGE_ACTION_COUNT <= 8, "sets of actions are bytes");
 
 static uint8_t member_of(uint8_t set, uint32_t index)
 {
@@ -379,8 +376,8 @@ static bool next_joint_action(search* self, vg_metanode* node, uint8_t* actions)
 static bool legal(search* self, uint32_t slot, uint8_t action)
 {
     return ((self->moves.legal[slot] >> action) & 1u) != 0
-           || (((self->moves.open[slot] >> action) & 1u) != 0
-               && vg_flow_may_change(self->scene, self->flow, &self->moves, slot, action));
+           || (((self->moves.unchecked[slot] >> action) & 1u) != 0
+               && vg_flow_check_change(self->scene, self->flow, &self->moves, slot, action));
 }
 
 // Uniform over the legal set: what proves illegal is drawn again.
@@ -388,7 +385,7 @@ static void draw(search* self, uint8_t* actions, uint32_t which)
 {
     for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
         for (uint32_t tries = 0; ((which >> i) & 1u) != 0 && tries <= VERGE_ACTION_COUNT; ++tries) {
-            const uint8_t set = self->moves.legal[i] | self->moves.open[i];
+            const uint8_t set = self->moves.legal[i] | self->moves.unchecked[i];
             actions[i] = member_of(set, vg_random_below(self->random, size_of(set)));
             if (legal(self, i, actions[i])) {
                 break;
@@ -457,7 +454,7 @@ static double simulate(search* self)
 {
     while (!over(self)) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
-        vg_flow_outline(self->scene, self->flow, &self->moves);
+        vg_flow_moves_unchecked(self->scene, self->flow, &self->moves);
         draw(self, actions, ~0u);
         if (!repair(self, actions)) {
             return finish(self, false);
@@ -543,7 +540,7 @@ static uint8_t wish_of(const vg_joint_actions* wish, uint32_t step_index, uint32
 static bool follow(search* self, const vg_joint_actions* wish)
 {
     uint8_t actions[VERGE_CONTROLLED_MAX];
-    vg_flow_outline(self->scene, self->flow, &self->moves);
+    vg_flow_moves_unchecked(self->scene, self->flow, &self->moves);
     for (uint32_t i = 0; i < self->scene->controlled_count; ++i) {
         actions[i] = nearest_legal(self, i, wish_of(wish, self->line.step_count, i));
     }
@@ -713,7 +710,7 @@ static void polish(search* self, uint32_t budget)
 // The plan step by step, to the horizon: a line that ended early is driven on as it is.
 static void replay(search* self, const vg_joint_actions* line, vg_decision* decision)
 {
-    const vg_scene* scene = self->scene;
+    const vg_model* scene = self->scene;
     load_state(self, 0, self->flow);
     decision->flows[0] = *self->flow;
     self->line.step_count = 0;
@@ -733,8 +730,7 @@ static void replay(search* self, const vg_joint_actions* line, vg_decision* deci
         decision->flows[t + 1u] = *self->flow;
         for (uint32_t i = 0; i < scene->count; ++i) {
             const bool planned = i < scene->controlled_count;
-            const uint32_t along = planned && actions[i] == VERGE_ACCELERATE ? 1u
-                                   : planned && actions[i] == VERGE_DECELERATE ? 2u : 0u;
+            const uint32_t along = planned ? vg_actions[actions[i]].along : VG_KEEP_SPEED;
             decision->way[t][i] = (self->moves.station[along][i] - before.station[i]) * before.rate[i];
         }
     }

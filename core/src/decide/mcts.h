@@ -14,6 +14,7 @@
 #ifndef VG_MCTS_H
 #define VG_MCTS_H
 
+#include "base/random.h"
 #include "traffic/flow.h"
 
 #ifdef __cplusplus
@@ -42,7 +43,7 @@ vg_tree* vg_tree_take(vg_arena* arena, const verge_planner_def* def);
 uint32_t vg_node_size(uint32_t vehicle_count, uint32_t controlled_count);
 
 /// warm: a line to start from (its reward is taken anew), or null.
-void vg_mcts_run(vg_tree* tree, const vg_scene* scene, const vg_flow* root, vg_random* random,
+void vg_mcts_run(vg_tree* tree, const vg_model* scene, const vg_flow* root, vg_random* random,
                  const vg_joint_actions* warm, vg_decision* decision);
 
 #ifdef __cplusplus

@@ -5,6 +5,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "traffic/advance.h"
 
 #include <string.h>
 
@@ -22,16 +23,16 @@ typedef struct drift {
     double until; // [m] d
 } drift;
 
-static drift drift_of(const vg_scene* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot);
+static drift drift_of(const vg_model* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot);
 static double go_across(const drift* way, double dt, float* d);
 static void start_pose(vg_track* track, const verge_vehicle* vehicle);
 static void drive_straight(vg_track* track, const verge_vehicle* vehicle, const verge_planner_def* def);
-static void decided_state(const vg_scene* scene, const vg_decision* decision, uint32_t slot, double t,
+static void decided_state(const vg_model* scene, const vg_decision* decision, uint32_t slot, double t,
                           vg_flow* now, double* d_rate);
-static void note(vg_track* track, const vg_scene* scene, const vg_flow* now, uint32_t slot, double d_rate,
+static void note(vg_track* track, const vg_model* scene, const vg_flow* now, uint32_t slot, double d_rate,
                  uint32_t k);
 
-void vg_predict_tracks(vg_tracks* tracks, const vg_scene* scene, const vg_flow* root,
+void vg_predict_tracks(vg_tracks* tracks, const vg_model* scene, const vg_flow* root,
                        const vg_decision* decision, const verge_vehicle* vehicles,
                        const vg_placed* placed, uint32_t vehicle_count)
 {
@@ -66,7 +67,7 @@ void vg_predict_tracks(vg_tracks* tracks, const vg_scene* scene, const vg_flow* 
     }
 }
 
-static drift drift_of(const vg_scene* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot)
+static drift drift_of(const vg_model* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot)
 {
     const vg_lane* lane = &scene->road->lanes[root->lane[slot]];
     const vg_reference at = vg_lane_at(lane, vg_lane_s(lane, (double)root->station[slot]));
@@ -117,13 +118,8 @@ static void drive_straight(vg_track* track, const verge_vehicle* vehicle, const 
     }
 }
 
-static bool is_change(uint8_t action)
-{
-    return action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT;
-}
-
 // Lateral position at the end of step m on the axis of its start.
-static double lateral_end(const vg_scene* scene, const vg_decision* decision, uint32_t slot, uint32_t m)
+static double lateral_end(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t m)
 {
     const vg_flow* from = &decision->flows[m];
     const vg_flow* to = &decision->flows[m + 1u];
@@ -135,11 +131,11 @@ static double lateral_end(const vg_scene* scene, const vg_decision* decision, ui
 }
 
 // Rate of y [m/s] at the joint before step m.
-static double joint_slope(const vg_scene* scene, const vg_decision* decision, uint32_t slot, uint32_t m)
+static double joint_slope(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t m)
 {
     const vg_joint_actions* line = &decision->line;
     if (m == 0 || m >= line->step_count || line->actions[m][slot] != line->actions[m - 1u][slot]
-        || !is_change(line->actions[m][slot])) {
+        || !vg_action_changes_lane(line->actions[m][slot])) {
         return 0.0;
     }
     const double before = lateral_end(scene, decision, slot, m - 1u)
@@ -149,7 +145,7 @@ static double joint_slope(const vg_scene* scene, const vg_decision* decision, ui
     return (before + after) / (2.0 * scene->def->step_s);
 }
 
-static void decided_state(const vg_scene* scene, const vg_decision* decision, uint32_t slot, double t,
+static void decided_state(const vg_model* scene, const vg_decision* decision, uint32_t slot, double t,
                           vg_flow* now, double* d_rate)
 {
     const double step_s = scene->def->step_s;
@@ -189,7 +185,7 @@ void vg_road_pose(const verge_road* road, uint32_t lane, int32_t target, double 
     *sin_heading = at.sin_heading;
 }
 
-static void note(vg_track* track, const vg_scene* scene, const vg_flow* now, uint32_t slot, double d_rate,
+static void note(vg_track* track, const vg_model* scene, const vg_flow* now, uint32_t slot, double d_rate,
                  uint32_t k)
 {
     const verge_road* road = scene->road;

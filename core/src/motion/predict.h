@@ -12,7 +12,7 @@ extern "C" {
 
 /// Fills one track per vehicle, in the vehicles' order (by id). decision may be null where
 /// nothing is planned.
-void vg_predict_tracks(vg_tracks* tracks, const vg_scene* scene, const vg_flow* root,
+void vg_predict_tracks(vg_tracks* tracks, const vg_model* scene, const vg_flow* root,
                        const vg_decision* decision, const verge_vehicle* vehicles,
                        const vg_placed* placed, uint32_t vehicle_count);
 

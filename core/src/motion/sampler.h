@@ -3,6 +3,7 @@
 #define VG_SAMPLER_H
 
 #include "road/road.h"
+#include "traffic/actions.h"
 #include "motion/track.h"
 
 #ifdef __cplusplus

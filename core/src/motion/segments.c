@@ -5,6 +5,7 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "motion/target.h"
+#include "traffic/pairs.h"
 
 #include <string.h>
 
@@ -17,17 +18,12 @@ static const double finish_min = 1.0;
 // As in flow.c: farther than this from the centre a change is under way. [m]
 static const double finishing_from = 0.3;
 
-static int32_t signal_of(uint8_t action)
-{
-    return action == VERGE_CHANGE_LEFT ? 1 : action == VERGE_CHANGE_RIGHT ? -1 : 0;
-}
-
 static int32_t id_of(const int32_t* ids, int32_t slot)
 {
     return slot < 0 ? -1 : ids[slot];
 }
 
-void vg_guide_actions(const vg_scene* scene, const vg_decision* decision, uint32_t slot,
+void vg_guide_actions(const vg_model* scene, const vg_decision* decision, uint32_t slot,
                       const int32_t* ids, verge_vehicle_plan* plan)
 {
     const verge_road* road = scene->road;
@@ -46,8 +42,8 @@ void vg_guide_actions(const vg_scene* scene, const vg_decision* decision, uint32
             .s = vg_lane_s(lane, (double)after->station[slot]),
             .d = (double)after->d[slot],
             .v = (double)after->v[slot],
-            .brake_light = action == VERGE_DECELERATE,
-            .turn_signal = signal_of(action),
+            .brake_light = vg_actions[action].brake_light,
+            .turn_signal = vg_actions[action].turn_signal,
             .ahead_id = id_of(ids, ahead),
             .behind_id = id_of(ids, behind),
         };
@@ -69,7 +65,7 @@ static uint32_t changed_to(const verge_road* road, uint32_t lane, double d, uint
 
 // A change during which the lane ends: it aims at the neighbour of the lane it began on, whose
 // line goes on beyond the seam.
-static void aim_over_seam(const vg_scene* scene, const vg_flow* start, const vg_flow* end, uint32_t slot,
+static void aim_over_seam(const vg_model* scene, const vg_flow* start, const vg_flow* end, uint32_t slot,
                           uint8_t action, vg_segment* segment)
 {
     const verge_road* road = scene->road;
@@ -88,7 +84,7 @@ static void aim_over_seam(const vg_scene* scene, const vg_flow* start, const vg_
 }
 
 // Fills in where the run [from, to) is to end; `part` of its last step lies inside the horizon.
-static void aim(const vg_scene* scene, const vg_decision* decision, uint32_t slot, uint32_t from,
+static void aim(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t from,
                 uint32_t to, double part, vg_segment* segment)
 {
     const verge_road* road = scene->road;
@@ -105,7 +101,7 @@ static void aim(const vg_scene* scene, const vg_decision* decision, uint32_t slo
     segment->v = (double)last->v[slot] + part * (double)(end->v[slot] - last->v[slot]);
     segment->lane = (uint32_t)start->lane[slot];
     segment->d = 0.0;
-    if (signal_of(action) != 0 && road->lanes[end->lane[slot]].bundle == lane->bundle) {
+    if (vg_action_changes_lane(action) && road->lanes[end->lane[slot]].bundle == lane->bundle) {
         // Where the change ends decides the lane; a cut change aims at its part of the way.
         const uint32_t end_lane = (uint32_t)end->lane[slot];
         const double y = (double)last->y[slot] + part * (double)(end->y[slot] - last->y[slot]);
@@ -113,7 +109,7 @@ static void aim(const vg_scene* scene, const vg_decision* decision, uint32_t slo
                               + (float)part * (end->station[slot] - last->station[slot]);
         segment->lane = changed_to(road, end_lane, (double)end->d[slot], action);
         segment->d = y - (double)vg_lane_lateral(&road->lanes[segment->lane], station);
-    } else if (signal_of(action) != 0) {
+    } else if (vg_action_changes_lane(action)) {
         aim_over_seam(scene, start, end, slot, action, segment);
     }
     const vg_lane* reference = &road->lanes[segment->lane];
@@ -121,7 +117,7 @@ static void aim(const vg_scene* scene, const vg_decision* decision, uint32_t slo
     segment->s = s0 + way;
 }
 
-void vg_guide_segments(const vg_scene* scene, const vg_decision* decision, uint32_t slot, vg_job* job)
+void vg_guide_segments(const vg_model* scene, const vg_decision* decision, uint32_t slot, vg_job* job)
 {
     const verge_planner_def* def = scene->def;
     const double horizon = (double)(def->points - 1u) * def->point_s;
@@ -148,7 +144,7 @@ void vg_guide_segments(const vg_scene* scene, const vg_decision* decision, uint3
 }
 
 // The decision's expectation between two steps. [m/s] and [m] driven until then
-static double expected_at(const vg_scene* scene, const vg_decision* decision, uint32_t slot, double t,
+static double expected_at(const vg_model* scene, const vg_decision* decision, uint32_t slot, double t,
                           double* way)
 {
     const double step_s = scene->def->step_s;
@@ -163,7 +159,7 @@ static double expected_at(const vg_scene* scene, const vg_decision* decision, ui
     return v0 + part * ((double)decision->flows[step + 1u].v[slot] - v0);
 }
 
-void vg_guide_finish_change(const vg_scene* scene, const vg_decision* decision, uint32_t slot, uint32_t lane,
+void vg_guide_finish_change(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t lane,
                             double left, vg_job* job)
 {
     const verge_planner_def* def = scene->def;
@@ -180,7 +176,7 @@ void vg_guide_finish_change(const vg_scene* scene, const vg_decision* decision, 
     const bool to_left = here->left == (int32_t)lane, to_right = here->right == (int32_t)lane;
     // Where the next change follows at once the vehicle need not come to rest between them.
     const bool goes_on = step < decision->line.step_count
-                         && vg_action_changes_lane((verge_action)decision->line.actions[step][slot]);
+                         && vg_action_changes_lane(decision->line.actions[step][slot]);
     if (!arrives || goes_on || !(crossed || to_left || to_right)) {
         return;
     }

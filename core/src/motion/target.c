@@ -17,11 +17,6 @@ static double least_speed(const vg_state* start, double T, double jerk);
 static double speed_allowed(const vg_job* job, uint32_t lane, double s);
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
 
-bool vg_action_changes_lane(verge_action action)
-{
-    return action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT;
-}
-
 void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segment,
                       const vg_path* path, uint32_t reference, const vg_state* start, double T,
                       const vg_tracks* tracks, bool emergency)

@@ -34,8 +34,6 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
                       const vg_path* path, uint32_t reference, const vg_state* start, double T,
                       const vg_tracks* tracks, bool emergency);
 
-bool vg_action_changes_lane(verge_action action);
-
 #ifdef __cplusplus
 }
 #endif

@@ -1,18 +1,14 @@
-/// The flow: all vehicles at one decision instant, and how joint actions move it on.
+/// The traffic model: all vehicles of a scene at one decision instant, in single precision, and
+/// what stays the same while joint actions move them on.
 ///
-/// Carried out here: the states [s, d, v] and the actions of Table 1, the safe distance and
-/// speed window of Eq. 2 and 3, lane keeping (KL) of uncontrolled vehicles by the IDM, the
-/// pruning of single and joint actions (section 3.1.3) and the three parts of R_i (3.1.4).
-///
-/// Layout      Structure of arrays, the vehicles planned first. Who is ahead, behind or beside is
-///             a scan of a few arrays that stay in the first cache: cheaper than any index up to
-///             the 64 vehicles there can be, and than vectors of four, whose selects cost more
+/// Layout      Structure of arrays, the controlled vehicles first. Who is ahead, behind or beside
+///             is a scan of a few arrays that stay in the first cache: cheaper than an index up to
+///             the 64 vehicles there can be, and than vectors of four, whose selections cost more
 ///             than the branches they save. The same bits on every machine.
-/// Cost        One step of 8 vehicles, 4 of them planned: see tools in README, verge-bench.
 #ifndef VG_FLOW_H
 #define VG_FLOW_H
 
-#include "base/random.h"
+#include "base/contract.h"
 #include "road/road.h"
 #include "verge/planner.h"
 
@@ -24,13 +20,19 @@ extern "C" {
 
 #define VG_ALIGNED __attribute__((aligned(16)))
 
-/// What a lane is worth from which n changes lead to the target: this / n. The paper rewards the
-/// target lane only; then nobody would set out for one that lies beyond the horizon. [1]
-#define VG_NEARNESS_ONE_CHANGE 0.25
+/// Value of a lane from which n changes lead to the target: this / n. The paper rewards the
+/// target lane only; then no vehicle would set out for a lane that lies beyond the horizon. [1]
+#define VG_VALUE_ONE_CHANGE 0.25
+/// Within this of a lane's centre a lane change starts from that lane. [m]
+#define VG_CENTRED 0.3f
+/// A target lane counts as reached within this of its centre. [m]
+#define VG_REACHED_OFFSET 0.5f
+/// Beyond all roads: a vehicle that is absent or not related. [m]
+#define VG_FAR_AWAY 1e9f
 
 static_assert(VERGE_VEHICLES_MAX <= 64 && VERGE_LANES_MAX <= 64, "sets are 64-bit masks");
 
-/// All vehicles at one instant. Slots 0 .. controlled_count - 1 are planned.
+/// All vehicles at one instant. Slots 0 .. controlled_count - 1 are controlled.
 typedef struct vg_flow {
     VG_ALIGNED float station[VERGE_VEHICLES_MAX]; ///< [m] on the axis of the lane's bundle
     VG_ALIGNED float d[VERGE_VEHICLES_MAX];       ///< [m] from the lane's centre
@@ -38,43 +40,33 @@ typedef struct vg_flow {
     int32_t lane[VERGE_VEHICLES_MAX];             ///< index
     // What the road is like there, looked up once per state.
     VG_ALIGNED float y[VERGE_VEHICLES_MAX];         ///< [m] on the bundle's lateral axis
-    VG_ALIGNED float rate[VERGE_VEHICLES_MAX];      ///< [1] metres of way per metre of station
-    VG_ALIGNED float lean[VERGE_VEHICLES_MAX];      ///< [1] metres of y the lane goes aside a metre
+    VG_ALIGNED float rate[VERGE_VEHICLES_MAX];      ///< [1] metres of lane per metre of station
+    VG_ALIGNED float slope[VERGE_VEHICLES_MAX];     ///< [1] change of the lane's y per metre of station
     VG_ALIGNED float left_gap[VERGE_VEHICLES_MAX];  ///< [m] to the left lane's centre, 0: no change
     VG_ALIGNED float right_gap[VERGE_VEHICLES_MAX]; ///< [m]
     VG_ALIGNED float limit[VERGE_VEHICLES_MAX];     ///< [m/s] to drive there, see vg_bin
-    // What the planned ones have earned so far.
+    // What the controlled vehicles have earned so far.
     float   credit[VERGE_CONTROLLED_MAX];   ///< [1] of lane and consistency parts of R_i
     float   driven[VERGE_CONTROLLED_MAX];   ///< [m] in the target lane
     uint8_t previous[VERGE_CONTROLLED_MAX]; ///< action that led here; VERGE_ACTION_COUNT: none yet
 } vg_flow;
 
-/// What each vehicle could do from one flow. Uncontrolled ones have one move, in KS's place.
-typedef struct vg_moves {
-    VG_ALIGNED float station[3][VERGE_VEHICLES_MAX]; ///< after KS, AC, DC
-    VG_ALIGNED float v[3][VERGE_VEHICLES_MAX];       ///< after KS, AC, DC
-    VG_ALIGNED float y[3][VERGE_VEHICLES_MAX];       ///< keeping, changing left, changing right
-    float   room[2][VERGE_CONTROLLED_MAX];           ///< [m] that a legal change left, right leaves
-    uint8_t legal[VERGE_CONTROLLED_MAX];             ///< set of actions (bits), never empty
-    uint8_t open[VERGE_CONTROLLED_MAX];              ///< changes (bits) wanted but not looked at yet
-} vg_moves;
-
-/// How each vehicle (column) appears on the axes of the one who looks (row). Kept
-/// from step to step; only rows and columns of vehicles that changed lane are renewed.
-typedef struct vg_sight {
+/// How each vehicle (column) appears on the axes of an observing vehicle (row). Kept from step to
+/// step; only rows and columns of vehicles that changed lane are computed again.
+typedef struct vg_pairs {
     VG_ALIGNED float offset[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];  ///< [m] add to station
     VG_ALIGNED float lateral[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX]; ///< [m] add to y
-    VG_ALIGNED float touch[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];   ///< [m] see vg_relation
-    VG_ALIGNED float period[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];  ///< [m] see vg_relation
+    VG_ALIGNED float touch[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];   ///< [m] relate vg_relation
+    VG_ALIGNED float period[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];  ///< [m] relate vg_relation
     int32_t lane[VERGE_VEHICLES_MAX]; ///< the lanes it was made for, -1 none
-} vg_sight;
+} vg_pairs;
 
 /// What stays the same during a search.
-typedef struct vg_scene {
+typedef struct vg_model {
     const verge_planner_def* def;
     const verge_road* road;
     uint32_t count, controlled_count;
-    bool     plain;   ///< one bundle, no seams, no conflicts: stations compare as they are
+    bool     single_axis; ///< one bundle, no successors, no conflicts: stations compare as they are
     bool     rings;   ///< some relation has a period
     uint32_t input_index[VERGE_VEHICLES_MAX];  ///< in the step's sorted vehicles
     VG_ALIGNED float half_length[VERGE_VEHICLES_MAX]; ///< [m] with margin
@@ -82,16 +74,16 @@ typedef struct vg_scene {
     VG_ALIGNED float cruise[VERGE_VEHICLES_MAX];      ///< [m/s] the IDM's desired speed
     VG_ALIGNED float braking[VERGE_VEHICLES_MAX];     ///< [m/s^2] the IDM's hardest
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
-    uint64_t good_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
-    float    nearness[VERGE_CONTROLLED_MAX][VERGE_LANES_MAX]; ///< [1] 1 on a good lane, less before it
-    float    care[VERGE_CONTROLLED_MAX];       ///< [1] how much it minds the room that its changes leave
+    uint64_t target_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
+    float    lane_value[VERGE_CONTROLLED_MAX][VERGE_LANES_MAX]; ///< [1] 1 on a target lane, less before it
+    float    gap_weight[VERGE_CONTROLLED_MAX]; ///< [1] of the penalty for a lane change with a small gap
     float    weight[VERGE_CONTROLLED_MAX];     ///< [1] of R_i in X_flow, Eq. 5; they sum to <= 1
     float    cruise_share;                     ///< [1]
     float    reaction, headway;                       ///< [s] Eq. 2
     float    change_gap, change_gap_wanted;           ///< [m]
     float    per_reaction, per_headway, per_both;     ///< [1/s] inverses of these and of their sum
-    vg_sight* sight;
-} vg_scene;
+    vg_pairs* pairs;
+} vg_model;
 
 /// A vehicle placed on the road.
 typedef struct vg_placed {
@@ -100,56 +92,63 @@ typedef struct vg_placed {
     double   s, d;  ///< [m] of the centre
 } vg_placed;
 
-/// Scene and first flow from vehicles sorted by id. Vehicles off the road take no part.
-void vg_scene_from(vg_scene* scene, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
-                   vg_sight* sight, const verge_vehicle* vehicles, const vg_placed* placed,
+/// Model and first flow from vehicles sorted by id. Vehicles off the road take no part.
+void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
+                   vg_pairs* pairs, const verge_vehicle* vehicles, const vg_placed* placed,
                    uint32_t vehicle_count);
 
-/// From now on uncontrolled ones want to drive at their lane's limit, as the IDM has it; before,
+/// From now on uncontrolled vehicles want to drive at their lane's limit, as the IDM has it; before,
 /// they go on as measured. For simulators.
-void vg_scene_free_humans(vg_scene* scene, const vg_flow* flow);
+void vg_model_free_humans(vg_model* model, const vg_flow* flow);
 
-/// Every vehicle's moves from here, each legal on its own; nothing is left open.
-void vg_flow_moves(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
-
-/// The same, with the look into other lanes left for later: a simulation draws one action in a
-/// handful, so most changes never need it.
-void vg_flow_outline(const vg_scene* scene, const vg_flow* flow, vg_moves* moves);
-
-/// Looks whether an open change is legal, and moves it to the legal ones if so.
-bool vg_flow_may_change(const vg_scene* scene, const vg_flow* flow, vg_moves* moves, uint32_t slot,
-                        uint8_t action);
-
-/// Which planned vehicles (bits) would come too close to another on these actions' ways.
-uint32_t vg_flow_conflicts(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
-                           const uint8_t* actions);
-
-/// The flow after these actions; flow and next may not be the same.
-void vg_flow_advance(const vg_scene* scene, const vg_flow* flow, const vg_moves* moves,
-                     const uint8_t* actions, vg_flow* next);
-
-/// Moves the uncontrolled ones on by dt [s], as KL; planned ones stay as they are.
-void vg_flow_follow(const vg_scene* scene, const vg_flow* flow, double dt, vg_flow* next);
-
-/// Slots of the nearest vehicles in the path of this one, -1 none.
-void vg_flow_neighbours(const vg_scene* scene, const vg_flow* flow, uint32_t slot, int32_t* ahead,
-                        int32_t* behind);
+/// Looks up the derived fields of all slots after their station, d, v or lane were set.
+void vg_flow_derive(const vg_model* model, vg_flow* flow);
 
 /// y of a lane's centre at a station [m].
 float vg_lane_lateral(const vg_lane* lane, float station);
 
-/// Looks up the derived fields of slots after their station, d, v or lane were set.
-void vg_flow_derive(const vg_scene* scene, vg_flow* flow);
+// ---------------------------------------------------------------------------- shared by traffic/
 
-/// All have driven target_distance in their target lanes (or have no target).
-bool vg_flow_terminal(const vg_scene* scene, const vg_flow* flow);
+#define VG_INLINE static inline __attribute__((always_inline))
 
-/// In its target lane (or one that continues it) and within 0.5 m of its centre.
-bool vg_flow_in_target(const vg_scene* scene, const vg_flow* flow, uint32_t slot);
+VG_INLINE float vg_fabsf(float x) { return x < 0.0f ? -x : x; }
+VG_INLINE float vg_minf(float a, float b) { return a < b ? a : b; }
+VG_INLINE float vg_maxf(float a, float b) { return a > b ? a : b; }
 
-/// X_flow (Eq. 5) of a simulation that ended in this flow after `step` of def->steps steps.
-/// whole: it ended well (horizon or terminal); else the remaining steps earn nothing.
-double vg_flow_reward(const vg_scene* scene, const vg_flow* flow, uint32_t step, bool whole);
+/// Where a station falls among a lane's bins, held at the ends.
+typedef struct vg_bin_place {
+    const vg_bin* here;
+    float t;      ///< [1] from this bin to the next
+    bool  inside; ///< not beyond the lane's ends
+} vg_bin_place;
+
+VG_INLINE vg_bin_place vg_bin_at(const vg_lane* lane, float station)
+{
+    const float at = (station - (float)lane->station_start) * (float)(1.0 / VG_BIN);
+    const float last = (float)(lane->bin_count - 1u);
+    VERGE_ASSERT(lane->bin_count >= 2 && at == at);
+    const float clamped = at < 0.0f ? 0.0f : at > last ? last : at;
+    uint32_t bin = (uint32_t)clamped;
+    bin = bin > lane->bin_count - 2u ? lane->bin_count - 2u : bin;
+    return (vg_bin_place){ &lane->bins[bin], clamped - (float)bin, at >= 0.0f && at <= last };
+}
+
+VG_INLINE float vg_bin_centre(vg_bin_place place)
+{
+    return place.here[0].lateral + place.t * (place.here[1].lateral - place.here[0].lateral);
+}
+
+VG_INLINE void vg_flow_set_road_fields(vg_flow* flow, uint32_t slot, vg_bin_place place)
+{
+    const vg_bin* nearest = place.t < 0.5f ? place.here : place.here + 1;
+    flow->y[slot] = vg_bin_centre(place) + flow->d[slot];
+    flow->rate[slot] = (place.here[1].s - place.here[0].s) * (float)(1.0 / VG_BIN);
+    flow->slope[slot] = place.inside ? (place.here[1].lateral - place.here[0].lateral) * (float)(1.0 / VG_BIN)
+                                    : 0.0f;
+    flow->left_gap[slot] = place.inside ? nearest->left_gap : 0.0f;
+    flow->right_gap[slot] = place.inside ? nearest->right_gap : 0.0f;
+    flow->limit[slot] = vg_minf(place.here[0].speed, place.here[1].speed);
+}
 
 #ifdef __cplusplus
 }

@@ -369,7 +369,6 @@ static void humans_follow_the_idm_behind_the_nearest_vehicle_in_their_path(void*
     stage_close(at);
 }
 
-/// In steps of 1.5 s the IDM learns too late of a leader that brakes hard; from 1 s down it does.
 /// Humans in a file behind one planned vehicle that does as it likes; each starts with room to
 /// stop behind its leader's stop.
 static void start_file(stage* at, test_rng* rng, uint32_t count)

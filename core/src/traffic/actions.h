@@ -1,0 +1,39 @@
+/// What an action is: one row for each action of Table 1. A new action is a new row here and a new
+/// name in verge_action; the assertions below name what else has to be looked at.
+#ifndef VG_ACTIONS_H
+#define VG_ACTIONS_H
+
+#include "verge/types.h"
+
+#include <assert.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// Motion along the lane during one decision step; also the index of its state in vg_moves.
+typedef enum vg_along { VG_KEEP_SPEED, VG_SPEED_UP, VG_SLOW_DOWN, VG_ALONG_COUNT } vg_along;
+/// Motion across the lane; also the index of its state in vg_moves.
+typedef enum vg_across { VG_KEEP_LANE, VG_TO_LEFT, VG_TO_RIGHT, VG_ACROSS_COUNT } vg_across;
+
+typedef struct vg_action_row {
+    const char* name;        ///< as in the paper, in JSON and in the log
+    const char* words;       ///< for people
+    uint8_t     along;       ///< vg_along
+    uint8_t     across;      ///< vg_across
+    int8_t      turn_signal; ///< +1 left, -1 right, 0 none
+    bool        brake_light;
+} vg_action_row;
+
+extern const vg_action_row vg_actions[VERGE_ACTION_COUNT];
+
+static inline bool vg_action_changes_lane(uint32_t action)
+{
+    return vg_actions[action].across != VG_KEEP_LANE;
+}
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

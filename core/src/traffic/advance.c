@@ -1,0 +1,89 @@
+/// See advance.h.
+#include "traffic/advance.h"
+
+#include "traffic/humans.h"
+#include "traffic/pairs.h"
+#include "traffic/reward.h"
+
+#include <string.h>
+
+// A vehicle nearer by this to the next lane's centre is on the next lane. [m]
+static const float border_air = 0.1f;
+
+static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* next, uint32_t slot,
+                        uint8_t action);
+
+void vg_flow_advance(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
+                     const uint8_t* actions, vg_flow* next)
+{
+    for (uint32_t slot = 0; slot < model->count; ++slot) {
+        const uint8_t action = slot < model->controlled_count ? actions[slot] : 0;
+        next->station[slot] = moves->station[vg_actions[action].along][slot];
+        next->v[slot] = moves->v[vg_actions[action].along][slot];
+        next->y[slot] = moves->y[vg_actions[action].across][slot];
+        next->lane[slot] = flow->lane[slot];
+        next->rate[slot] = flow->rate[slot];
+        assign_lane(model, flow, next, slot, action);
+    }
+    for (uint32_t i = 0; i < model->controlled_count; ++i) {
+        vg_flow_earn(model, flow, moves, next, i, actions[i]);
+    }
+}
+
+void vg_flow_follow(const vg_model* model, const vg_flow* flow, double dt, vg_flow* next)
+{
+    if (!model->single_axis) {
+        vg_pairs_update(model, flow);
+    }
+    memcpy(next, flow, sizeof *next);
+    vg_flow_human_moves(model, flow, (float)dt, next->station, next->v, next->y);
+    for (uint32_t slot = model->controlled_count; slot < model->count; ++slot) {
+        assign_lane(model, flow, next, slot, VERGE_KEEP_SPEED);
+    }
+}
+
+// On to the lane that continues this one, or through it to a later one: lanes may be short.
+static void pass_lane_ends(const vg_model* model, vg_flow* next, uint32_t slot)
+{
+    const verge_road* road = model->road;
+    const vg_lane* lane = &road->lanes[next->lane[slot]];
+    const int32_t target = slot < model->controlled_count ? model->target[slot] : -1;
+    float beyond = (next->station[slot] - (float)lane->station_end) * next->rate[slot]; // [m]
+    vg_walk walk = vg_walk_from(road, (uint32_t)next->lane[slot], target);
+    while (beyond > 0.0f && vg_walk_on(&walk)) {
+        next->lane[slot] = (int32_t)walk.lane;
+        next->station[slot] = (float)vg_lane_station(&road->lanes[walk.lane], (double)beyond);
+        beyond -= (float)road->lanes[walk.lane].length;
+    }
+}
+
+// From (station, y) back to a lane and its d: over the border after a change, over the seam
+// after a lane's end. y tells the move within the lane; the lane itself may lead aside.
+static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* next, uint32_t slot,
+                   uint8_t action)
+{
+    const verge_road* road = model->road;
+    const vg_lane* lane = &road->lanes[next->lane[slot]];
+    const float station = next->station[slot];
+    vg_bin_place place = vg_bin_at(lane, station);
+    next->d[slot] = flow->d[slot] + (next->y[slot] - flow->y[slot]);
+    if (action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT) {
+        const int32_t beside = action == VERGE_CHANGE_LEFT ? lane->left : lane->right;
+        if (beside >= 0) {
+            const vg_bin_place there = vg_bin_at(&road->lanes[beside], station);
+            const float other = next->d[slot] + (vg_bin_centre(place) - vg_bin_centre(there));
+            // Clearly beyond half the way: a partial change that ends on the border has not crossed.
+            if (vg_fabsf(other) < vg_fabsf(next->d[slot]) - border_air) {
+                next->lane[slot] = beside;
+                next->d[slot] = other;
+                lane = &road->lanes[beside];
+                place = there;
+            }
+        }
+    }
+    if (!model->single_axis && station > (float)lane->station_end) {
+        pass_lane_ends(model, next, slot);
+        place = vg_bin_at(&road->lanes[next->lane[slot]], next->station[slot]);
+    }
+    vg_flow_set_road_fields(next, slot, place);
+}

@@ -1,0 +1,144 @@
+/// See conflict.h.
+#include "traffic/conflict.h"
+
+#include "traffic/pairs.h"
+
+// Air that joint actions leave between moving bodies. [m]
+static const float joint_air_along = 1.0f;
+static const float joint_air_across = 0.3f;
+
+static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1, uint32_t i,
+                           uint32_t j);
+
+// Does the straight way from (x0, y0) to (x1, y1) meet the box |x| < ex, |y| < ey? Exactly: only
+// the box's two axes and the way's own normal could keep them apart.
+static bool crosses(float x0, float y0, float x1, float y1, float ex, float ey)
+{
+    const float dx = x1 - x0, dy = y1 - y0;
+    return vg_minf(x0, x1) < ex && vg_maxf(x0, x1) > -ex && vg_minf(y0, y1) < ey && vg_maxf(y0, y1) > -ey
+           && vg_fabsf(x0 * dy - y0 * dx) <= ex * vg_fabsf(dy) + ey * vg_fabsf(dx);
+}
+
+// Where the vehicles are after these actions, before lanes are assigned anew.
+typedef struct chosen {
+    float station[VERGE_VEHICLES_MAX], y[VERGE_VEHICLES_MAX];
+} chosen;
+
+// An acceleration lane comes nearer to its neighbour by itself.
+static void choose_moves(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
+                         const uint8_t* actions, chosen* restrict to)
+{
+    for (uint32_t i = 0; i < model->count; ++i) {
+        const uint8_t action = i < model->controlled_count ? actions[i] : (uint8_t)VERGE_KEEP_SPEED;
+        const float station = moves->station[vg_actions[action].along][i];
+        to->station[i] = station;
+        to->y[i] = moves->y[vg_actions[action].across][i] + flow->slope[i] * (station - flow->station[i]);
+    }
+}
+
+// Do the ways of two vehicles that pass near each other come too close between the two instants?
+// x0, x1: metres from i ahead to j. Relative motion is linear. Bodies that have less air than the
+// margin already may go on without contact; bodies in contact may do all but press on.
+static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* to, uint32_t i, uint32_t j,
+                      float x0, float x1)
+{
+    if (!model->single_axis && to->station[i] <= model->pairs->touch[i][j]) {
+        return false;
+    }
+    const float y0 = vg_gap_left(model, i, j, flow->y[i], flow->y[j]);
+    const float y1 = vg_gap_left(model, i, j, to->y[i], to->y[j]);
+    const float length = model->half_length[i] + model->half_length[j];
+    const float width = model->half_width[i] + model->half_width[j];
+    const float ex = length + joint_air_along, ey = width + joint_air_across;
+    if (!model->single_axis && flow->station[i] <= model->pairs->touch[i][j]) {
+        // Their lanes come close in this step only: how near they were on one axis says nothing.
+        return crosses(x0, y0, x1, y1, ex, ey);
+    }
+    if (vg_fabsf(x0) < length && vg_fabsf(y0) < width) {
+        return vg_fabsf(x1) < length && vg_fabsf(y1) < width && vg_fabsf(x1) <= vg_fabsf(x0)
+               && vg_fabsf(y1) <= vg_fabsf(y0);
+    }
+    if (vg_fabsf(x0) < ex && vg_fabsf(y0) < ey) {
+        return crosses(x0, y0, x1, y1, length, width);
+    }
+    return crosses(x0, y0, x1, y1, ex, ey);
+}
+
+// Conflicts of slot i with the slots after it. Most pairs are settled by one being ahead of the
+// other all the way.
+VG_INLINE uint32_t conflicts_after(const vg_model* model, const vg_flow* flow, const chosen* to, uint32_t i,
+                                bool single_axis)
+{
+    const float* restrict before = flow->station;
+    const float* restrict after = to->station;
+    const float* restrict half_length = model->half_length;
+    const float rate = flow->rate[i], station0 = before[i], station1 = after[i];
+    const float ex = half_length[i] + joint_air_along;
+    const uint32_t count = model->count;
+    uint32_t conflicts = 0;
+    for (uint32_t j = i + 1u; j < count; ++j) {
+        const float x0 = single_axis ? (before[j] - station0) * rate
+                               : vg_gap_along(model, i, j, rate, station0, before[j]);
+        const float x1 = single_axis ? (after[j] - station1) * rate
+                               : vg_gap_along(model, i, j, rate, station1, after[j]);
+        const float reach = ex + half_length[j];
+        if ((x0 >= reach && x1 >= reach) || (x0 <= -reach && x1 <= -reach)) {
+            continue;
+        }
+        if (too_close(model, flow, to, i, j, x0, x1)) {
+            conflicts |= 1u << i | (j < model->controlled_count ? 1u << j : 0u);
+        }
+    }
+    return conflicts;
+}
+
+uint32_t vg_flow_conflicts(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
+                           const uint8_t* actions)
+{
+    uint32_t conflicts = 0;
+    chosen to;
+    choose_moves(model, flow, moves, actions, &to);
+    for (uint32_t i = 0; i < model->controlled_count; ++i) {
+        conflicts |= model->single_axis ? conflicts_after(model, flow, &to, i, true)
+                                  : conflicts_after(model, flow, &to, i, false);
+    }
+    for (uint32_t i = 0; model->road->conflict_lanes != 0 && i < model->controlled_count; ++i) {
+        for (uint32_t j = 0; j < model->count; ++j) {
+            if (i != j && areas_conflict(model, flow, to.station, i, j)) {
+                conflicts |= 1u << i;
+            }
+        }
+    }
+    return conflicts;
+}
+
+static bool sweeps(float from, float to, float half, float area_from, float area_to)
+{
+    return to + half > area_from && from - half < area_to;
+}
+
+// Two bodies in one area that is not a lane of either: whoever was in it before may leave.
+static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1, uint32_t i,
+                           uint32_t j)
+{
+    const verge_road* road = model->road;
+    const uint32_t lane_i = (uint32_t)flow->lane[i], lane_j = (uint32_t)flow->lane[j];
+    if (!vg_road_has_conflicts(road, lane_i) || !vg_road_has_conflicts(road, lane_j)) {
+        return false;
+    }
+    const float half_i = model->half_length[i], half_j = model->half_length[j];
+    for (uint32_t k = 0; k < road->conflict_count; ++k) {
+        const vg_conflict* area = &road->conflicts[k];
+        if (area->lane != lane_i || area->other != lane_j) {
+            continue;
+        }
+        const bool in_i = sweeps(flow->station[i], flow->station[i], half_i, area->from, area->to);
+        const bool will_i = sweeps(flow->station[i], station1[i], half_i, area->from, area->to);
+        const bool will_j =
+            sweeps(flow->station[j], station1[j], half_j, area->other_from, area->other_to);
+        if (!in_i && will_i && will_j) {
+            return true;
+        }
+    }
+    return false;
+}

@@ -1,0 +1,20 @@
+/// Lane keeping (KL) of uncontrolled vehicles: the Intelligent Driver Model (Treiber 2000) behind the
+/// nearest vehicle in the path.
+#ifndef VG_HUMANS_H
+#define VG_HUMANS_H
+
+#include "traffic/flow.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// State of every uncontrolled slot after dt [s]: station_to [m], v_to [m/s], y_to [m].
+void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, float* station_to,
+                         float* v_to, float* y_to);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,154 @@
+/// The model of a scene: vehicles, their intentions and their share of X_flow. See flow.h.
+#include "traffic/flow.h"
+
+#include "base/scalar.h"
+
+#include <string.h>
+
+// A measured acceleration is taken to last this long; from `speeding_up` on, to the limit.
+static const double trend_s = 2.0;     // [s]
+static const double speeding_up = 0.1; // [m/s^2] more than a steady foot
+// Desired speed of a vehicle that stands: the IDM divides by it. [m/s]
+static const double cruise_min = 0.05;
+// Table 2: a driver more cooperative than the normal habit pays more for a lane change with a
+// small gap. [1]
+static const double normal_cooperation = 0.5;
+
+static void place(vg_model* model, vg_flow* flow, const verge_vehicle* vehicle, const vg_placed* at,
+                  uint32_t input_index, uint32_t slot)
+{
+    const vg_lane* lane = &model->road->lanes[at->lane];
+    model->input_index[slot] = input_index;
+    model->half_length[slot] = (float)(0.5 * vehicle->length + vehicle->margin);
+    model->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
+    // A human goes on as measured: a vehicle that speeds up does so to the limit, any other to the
+    // speed its acceleration leads to soon. A standing vehicle stays; a braking one brakes on. The
+    // IDM adds the vehicles ahead.
+    const double fastest = vg_max(lane->speed_limit, vehicle->speed);
+    const double soon = vehicle->acceleration > speeding_up
+                            ? fastest : vehicle->speed + trend_s * vehicle->acceleration;
+    model->cruise[slot] = (float)vg_clamp(soon, cruise_min, fastest);
+    model->braking[slot] = (float)vg_max(model->def->idm_braking_max, -vehicle->acceleration);
+    flow->station[slot] = (float)vg_lane_station(lane, at->s);
+    flow->d[slot] = (float)at->d;
+    flow->v[slot] = (float)vehicle->speed;
+    flow->lane[slot] = (int32_t)at->lane;
+}
+
+void vg_model_free_humans(vg_model* model, const vg_flow* flow)
+{
+    for (uint32_t i = model->controlled_count; i < model->count; ++i) {
+        const double limit = model->road->lanes[flow->lane[i]].speed_limit;
+        model->cruise[i] = (float)vg_max(vg_max(limit, (double)flow->v[i]), 1.0);
+        model->braking[i] = (float)model->def->idm_braking_max;
+    }
+}
+
+static void intend(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)
+{
+    const verge_road* road = model->road;
+    const int32_t target =
+        vehicle->target_lane < 0 ? -1 : vg_road_lane_index(road, vehicle->target_lane);
+    model->target[slot] = target;
+    uint64_t good = target < 0 ? ~(uint64_t)0 : road->continues[target];
+    for (uint32_t lane = 0; target >= 0 && lane < road->lane_count; ++lane) {
+        if ((uint8_t)vg_road_changes(road, lane, (uint32_t)target) == 0) {
+            good |= (uint64_t)1 << lane;
+        }
+    }
+    model->target_lanes[slot] = good;
+    model->gap_weight[slot] = (float)(vehicle->habit.cooperation / normal_cooperation);
+    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
+        const uint8_t changes =
+            target < 0 ? 0 : (uint8_t)vg_road_changes(road, lane, (uint32_t)target);
+        model->lane_value[slot][lane] = ((good >> lane) & 1u) != 0 ? 1.0f
+                                      : changes == 255 ? 0.0f : (float)VG_VALUE_ONE_CHANGE / (float)changes;
+    }
+}
+
+// Eq. 5 is linear in the R_j: X_flow = sum_j weight_j R_j.
+static void weigh(vg_model* model, const verge_vehicle* vehicles)
+{
+    const uint32_t count = model->controlled_count;
+    for (uint32_t j = 0; j < count; ++j) {
+        double weight = 0.0;
+        for (uint32_t i = 0; i < count; ++i) {
+            const double gamma = vehicles[model->input_index[i]].habit.cooperation;
+            weight += (i == j ? 1.0 : gamma) / (1.0 + (double)(count - 1) * gamma);
+        }
+        model->weight[j] = (float)(weight / (double)count);
+    }
+}
+
+static bool has_single_axis(const vg_model* model, const vg_flow* flow)
+{
+    const verge_road* road = model->road;
+    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
+        if (road->lanes[lane].successor_count > 0) {
+            return false;
+        }
+    }
+    for (uint32_t i = 1; i < model->count; ++i) {
+        if (road->lanes[flow->lane[i]].bundle != road->lanes[flow->lane[0]].bundle) {
+            return false;
+        }
+    }
+    return road->conflict_lanes == 0;
+}
+
+void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
+                   vg_pairs* pairs, const verge_vehicle* vehicles, const vg_placed* placed,
+                   uint32_t vehicle_count)
+{
+    VERGE_ASSERT(vehicle_count <= VERGE_VEHICLES_MAX);
+    memset(model, 0, sizeof *model);
+    memset(flow, 0, sizeof *flow);
+    model->def = def;
+    model->road = road;
+    model->pairs = pairs;
+    for (uint32_t pass = 0; pass < 2; ++pass) { // controlled ones first
+        for (uint32_t i = 0; i < vehicle_count; ++i) {
+            if (!placed[i].on_road || vehicles[i].controlled != (pass == 0)) {
+                continue;
+            }
+            const uint32_t slot = model->count++;
+            place(model, flow, &vehicles[i], &placed[i], i, slot);
+            if (pass == 0) {
+                intend(model, &vehicles[i], slot);
+                flow->previous[slot] = VERGE_ACTION_COUNT;
+                model->controlled_count++;
+            }
+        }
+    }
+    VERGE_ASSERT(model->controlled_count <= VERGE_CONTROLLED_MAX);
+    model->cruise_share = (float)def->cruise_share;
+    for (uint32_t k = 0; k < road->lane_count * road->lane_count; ++k) {
+        model->rings = model->rings || road->relations[k].period > 0.0f;
+    }
+    model->reaction = (float)def->reaction_s;
+    model->headway = (float)def->headway_s;
+    model->change_gap = (float)def->change_gap;
+    model->change_gap_wanted = (float)def->change_gap_wanted;
+    model->per_reaction = 1.0f / model->reaction;
+    model->per_headway = 1.0f / model->headway;
+    model->per_both = 1.0f / (float)(def->reaction_s + def->headway_s);
+    weigh(model, vehicles);
+    for (uint32_t slot = 0; slot < VERGE_VEHICLES_MAX; ++slot) {
+        pairs->lane[slot] = -1;
+    }
+    model->single_axis = has_single_axis(model, flow);
+    vg_flow_derive(model, flow);
+}
+
+void vg_flow_derive(const vg_model* model, vg_flow* flow)
+{
+    for (uint32_t slot = 0; slot < model->count; ++slot) {
+        vg_flow_set_road_fields(flow, slot, vg_bin_at(&model->road->lanes[flow->lane[slot]],
+                                                       flow->station[slot]));
+    }
+}
+
+float vg_lane_lateral(const vg_lane* lane, float station)
+{
+    return vg_bin_centre(vg_bin_at(lane, station));
+}

@@ -1,0 +1,107 @@
+/// See pairs.h.
+#include "traffic/pairs.h"
+
+#include "base/contract.h"
+
+// Merging vehicles are related from this far before their lanes come close. [m]
+static const float merge_sight = 40.0f;
+
+static void relate(const vg_model* model, const vg_flow* flow, uint32_t seen, uint32_t observer)
+{
+    const verge_road* road = model->road;
+    const uint32_t from = (uint32_t)flow->lane[observer];
+    const uint32_t to = (uint32_t)flow->lane[seen];
+    const vg_relation* relation = vg_road_relation(road, from, to);
+    const int32_t target = observer < model->controlled_count ? model->target[observer] : -1;
+    const bool visible = relation->kind != VG_UNRELATED && vg_road_matters(road, from, target, to);
+    vg_pairs* pairs = model->pairs;
+    pairs->offset[observer][seen] = visible ? relation->offset : VG_FAR_AWAY;
+    pairs->lateral[observer][seen] = relation->lateral;
+    pairs->touch[observer][seen] =
+        relation->kind == VG_MERGING ? relation->touch : -VG_FAR_AWAY;
+    pairs->period[observer][seen] = visible ? relation->period : 0.0f;
+}
+
+void vg_pairs_update(const vg_model* model, const vg_flow* flow)
+{
+    vg_pairs* pairs = model->pairs;
+    for (uint32_t slot = 0; slot < model->count; ++slot) {
+        if (pairs->lane[slot] == flow->lane[slot]) {
+            continue;
+        }
+        for (uint32_t other = 0; other < model->count; ++other) {
+            relate(model, flow, slot, other);
+            relate(model, flow, other, slot);
+        }
+        pairs->lane[slot] = flow->lane[slot];
+    }
+}
+
+// Merging vehicles are out of pairs until the lanes come close.
+VG_INLINE bool is_visible(const vg_model* model, const vg_flow* flow, uint32_t i, uint32_t j)
+{
+    return model->single_axis || flow->station[i] > model->pairs->touch[i][j] - merge_sight;
+}
+
+// The innermost loop of the search: what it reads stands in locals, and the case of a single axis is
+// compiled apart.
+VG_INLINE vg_neighbours scan(const vg_model* model, const vg_flow* flow, uint32_t i, float station, float y,
+                   const float* restrict stations, const float* restrict v, vg_neighbours w, bool single_axis)
+{
+    const float* restrict ys = flow->y;
+    const float* restrict half_width = model->half_width;
+    const float* restrict lateral = model->pairs->lateral[i];
+    const float width = model->half_width[i] + VG_PATH_AIR, rate = flow->rate[i];
+    const uint32_t count = model->count;
+    for (uint32_t j = 0; j < count; ++j) {
+        const float dy = single_axis ? ys[j] - y : ys[j] - y + lateral[j];
+        const float reach = width + half_width[j];
+        if (dy >= reach || dy <= -reach || j == i || (!single_axis && !is_visible(model, flow, i, j))) {
+            continue;
+        }
+        const float ds = single_axis ? (stations[j] - station) * rate
+                               : vg_gap_along(model, i, j, rate, station, stations[j]);
+        const float gap = vg_fabsf(ds) - model->half_length[j];
+        if (ds > 0.0f && gap < w.gap_ahead) {
+            w.gap_ahead = gap;
+            w.v_ahead = v[j];
+        } else if (ds <= 0.0f && gap < w.gap_behind) {
+            w.gap_behind = gap;
+            w.v_behind = v[j];
+        }
+    }
+    return w;
+}
+
+vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i, float station, float y,
+                   const float* stations, const float* v, float free_ahead)
+{
+    const vg_neighbours open = { .gap_ahead = free_ahead, .gap_behind = VG_FAR_AWAY };
+    return model->single_axis ? scan(model, flow, i, station, y, stations, v, open, true)
+                        : scan(model, flow, i, station, y, stations, v, open, false);
+}
+
+void vg_flow_neighbours(const vg_model* model, const vg_flow* flow, uint32_t slot, int32_t* ahead,
+                        int32_t* behind)
+{
+    float lead = 0.1f * VG_FAR_AWAY, back = -0.1f * VG_FAR_AWAY;
+    *ahead = *behind = -1;
+    if (!model->single_axis) {
+        vg_pairs_update(model, flow);
+    }
+    for (uint32_t j = 0; j < model->count; ++j) {
+        const float width = model->half_width[slot] + model->half_width[j] + VG_PATH_AIR;
+        const float dy = vg_gap_left(model, slot, j, flow->y[slot], flow->y[j]);
+        const float ds = vg_gap_along(model, slot, j, 1.0f, flow->station[slot], flow->station[j]);
+        if (vg_fabsf(dy) >= width || j == slot) {
+            continue;
+        }
+        if (ds > 0.0f && ds < lead) {
+            lead = ds;
+            *ahead = (int32_t)j;
+        } else if (ds <= 0.0f && ds > back) {
+            back = ds;
+            *behind = (int32_t)j;
+        }
+    }
+}

@@ -1,0 +1,90 @@
+/// See reward.h.
+#include "traffic/reward.h"
+
+#include "base/contract.h"
+#include "base/scalar.h"
+
+// How near to the target a vehicle is that keeps to its lane's centre. [1] 0 .. 1
+static float lane_value(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    return vg_fabsf(flow->d[slot]) <= VG_REACHED_OFFSET ? model->lane_value[slot][flow->lane[slot]] : 0.0f;
+}
+
+// Speed in parts of what the place asks for, relate cruise_share; too fast is as bad. [1] 0 .. 1
+static float speed_share(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const float v = flow->v[slot], limit = flow->limit[slot];
+    return v > limit ? limit / v : vg_minf(v, model->cruise_share * limit) / (model->cruise_share * limit);
+}
+
+// What setting out for another lane costs where it leaves less room than wanted. [1] 0 .. 1
+static float gap_penalty(const vg_model* model, const vg_flow* before, const vg_moves* moves, uint32_t slot,
+                       uint8_t action)
+{
+    const float d = before->d[slot];
+    if (vg_actions[action].along != 0 || vg_actions[action].across == 0 || d > VG_CENTRED || d < -VG_CENTRED) {
+        return 0.0f;
+    }
+    const float room = moves->change_gap[vg_actions[action].across - 1u][slot];
+    const float wanted = vg_minf(model->change_gap_wanted, 2.0f * vg_crawling_gap(model, before->v[slot]));
+    return room < wanted ? 1.0f - room / wanted : 0.0f;
+}
+
+void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
+                 uint32_t slot, uint8_t action)
+{
+    const verge_planner_def* def = model->def;
+    const float share = 1.0f / (float)def->steps;
+    float credit = before->credit[slot];
+    float driven = 0.0f;
+    credit += (float)def->reward_lane * share * lane_value(model, next, slot) * speed_share(model, next, slot);
+    if (vg_flow_in_target(model, next, slot)) {
+        driven = before->driven[slot] + next->v[slot] * (float)def->step_s;
+    }
+    if (action == before->previous[slot] || before->previous[slot] == VERGE_ACTION_COUNT) {
+        credit += (float)def->reward_consistency * share;
+    }
+    credit -= (float)def->reward_room * share * model->gap_weight[slot]
+              * gap_penalty(model, before, moves, slot, action);
+    next->credit[slot] = credit;
+    next->driven[slot] = driven;
+    next->previous[slot] = action;
+}
+
+bool vg_flow_in_target(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const float d = flow->d[slot];
+    return ((model->target_lanes[slot] >> flow->lane[slot]) & 1u) != 0 && d <= VG_REACHED_OFFSET
+           && d >= -VG_REACHED_OFFSET;
+}
+
+bool vg_flow_terminal(const vg_model* model, const vg_flow* flow)
+{
+    bool wanted = false;
+    for (uint32_t i = 0; i < model->controlled_count; ++i) {
+        if (model->target[i] >= 0 && flow->driven[i] < (float)model->def->target_distance) {
+            return false;
+        }
+        wanted = wanted || model->target[i] >= 0;
+    }
+    return wanted;
+}
+
+// A terminal flow drives on as it is: its remaining steps vg_flow_earn what the last one would.
+double vg_flow_reward(const vg_model* model, const vg_flow* flow, uint32_t step, bool whole)
+{
+    const verge_planner_def* def = model->def;
+    VERGE_ASSERT(step <= def->steps);
+    const double rest = (double)(def->steps - step) / (double)def->steps;
+    double sum = 0.0;
+    for (uint32_t i = 0; i < model->controlled_count; ++i) {
+        double reward = (double)flow->credit[i];
+        if (whole) {
+            const double pace = (double)speed_share(model, flow, i);
+            reward += (def->reward_target + def->reward_lane * rest * pace) * (double)lane_value(model, flow, i)
+                      + def->reward_consistency * rest;
+        }
+        sum += (double)model->weight[i] * reward;
+    }
+    return vg_clamp(sum, 0.0, 1.0);
+}

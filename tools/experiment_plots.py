@@ -3,8 +3,8 @@
 
     experiment_plots.py [DIR] [--out DIR] [--no-runs]
 
-Reads NAME.json of every experiment found in DIR (default out/experiments) and draws NAME.png
-beside it, or in the folder of --out; then, with plot.py, the runs the experiments left there.
+Reads NAME.json of each experiment in DIR (default out/experiments) and draws NAME.png beside it, or
+in the folder of --out. Then draws the runs that the experiments wrote there, with plot.py.
 """
 import argparse
 import json
@@ -18,7 +18,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-# Okabe and Ito's palette: told apart by everyone, also in grey.
+# The palette of Okabe and Ito: readable for colour-blind people, and in grey.
 METHODS = {"verge": "#0072B2", "decision-only": "#E69F00", "sequential": "#999999",
            "verge, search: paper": "#D55E00"}
 HABITS = {"aggressive": "#D55E00", "normal": "#0072B2", "conservative": "#009E73"}
@@ -54,7 +54,7 @@ def style():
 
 
 def number(value):
-    """null is what was not measured."""
+    """A number, or not-a-number for null, which stands for "not measured"."""
     return np.nan if value is None else float(value)
 
 
@@ -70,7 +70,7 @@ def save(figure, out, name, title):
 
 
 def freeway_table(rows, out):
-    """Bars: means of all repeats. Whisker: the worst repeat. Diamond: what the paper prints."""
+    """Bars: means of all repeats. Whisker: the worst repeat. Diamond: the value of the paper."""
     most = max(r["repeats"] for r in rows)
     rows = [r for r in rows if r["repeats"] == most]
     measures = [("success", "success", None, "share of runs"),

@@ -1,12 +1,12 @@
 #!/usr/bin/python3
-"""Draws a run: where everybody drove, what was decided, and how fast.
+"""Draws a run: the path, the decisions and the speed of each vehicle.
 
     plot.py RUN.jsonl OUT.png
 
-Top: the road as surveyed, to scale. A controlled vehicle is a coloured path with its body drawn
-every two seconds (the time stands inside, brake lights and turn signals are lit), and its actions
-are named where they begin. Humans are grey. A long road is read like text: each row continues the
-one above. Below: speeds, and the action each controlled vehicle was in at each moment.
+Top: the road as surveyed, to scale. A controlled vehicle is a coloured path. Its body is drawn
+every two seconds, with the time inside, and with brake lights and turn signals. Each action is named
+where it begins. Uncontrolled vehicles are grey. A long road is split into rows; each row continues
+the one above. Below: the speeds, and the action of each controlled vehicle over time.
 
 The run file is that of verge-sim and verge-publish, format verge-run/1.
 """
@@ -31,9 +31,9 @@ LEGEND = 1.55           # [in] right of the speed panel
 ROAD_HEIGHT_MAX = 7.0   # [in] one row of road
 MARK_S = 2.0            # [s] between two drawn bodies
 MARGIN = 9.0            # [m] of road shown before and after the paths
-MARGIN_SIDE = 3.5       # [m] shown beside the road, room for words
+MARGIN_SIDE = 3.5       # [m] shown beside the road, for labels
 
-# Okabe and Ito's palette first: told apart by everyone, also in grey.
+# The palette of Okabe and Ito first: readable for colour-blind people, and in grey.
 COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#7B3294", "#8C510A",
           "#C51B7D", "#1B7837", "#4D4D9F", "#E08214", "#35978F", "#B2182B", "#5AAE61", "#2166AC"]
 ACTION_COLORS = {"KS": "#D9D9D9", "AC": "#8FCB8B", "DC": "#F08A7E", "LCL": "#7FB3E6",
@@ -112,7 +112,7 @@ def view_of(run):
     paths = np.vstack([t.xy for t in run.controlled or run.humans])
     margin = np.array([MARGIN, MARGIN_SIDE])
     low, high = paths.min(axis=0) - margin, paths.max(axis=0) + margin
-    for lane in run.lanes:  # the whole width of the road beside the paths
+    for lane in run.lanes:  # the road beside the paths in its whole width
         both = np.vstack([lane.edge(1.0), lane.edge(-1.0)])
         inside = both[(both[:, 0] > low[0]) & (both[:, 0] < high[0])]
         near = inside[(inside[:, 1] > low[1] - 9.0) & (inside[:, 1] < high[1] + 9.0)]
@@ -127,7 +127,7 @@ def view_of(run):
 
 
 def rows_of(view):
-    """A long strip is cut into rows; each shows a little of the one before."""
+    """Cuts a long view into rows; each row repeats a little of the one before."""
     x0, x1, y0, y1 = view
     count = min(4, max(1, round((x1 - x0) / (y1 - y0) / 4.8)))
     length = (x1 - x0) / count
@@ -229,7 +229,7 @@ class Labels:
         self.bodies = np.array(bodies)
 
     def cost(self, box):
-        """How much a box would cover: words and bodies weigh more than paths."""
+        """How much a box would cover: labels and bodies count more than paths."""
         x0, x1, y0, y1 = box
         if x0 < self.view[0] or x1 > self.view[1] or y0 < self.view[2] or y1 > self.view[3]:
             return math.inf
@@ -243,7 +243,7 @@ class Labels:
         return hits(self.paths, 0.3) + 8 * hits(self.bodies, 2.0)
 
     def put(self, track, index, word):
-        """Tries places around the path at this tick; none free: the word is left out."""
+        """Tries places around the path at this tick. If none is free, the label is left out."""
         fontsize = 7.5
         half_w = (0.31 * len(word) * fontsize + 2.5) / 72.0 / self.scale
         half_h = (0.5 * fontsize + 1.6) / 72.0 / self.scale
@@ -275,13 +275,13 @@ class Labels:
 
 
 def label_actions(axes, run, view, scale):
-    """Lane changes first: where room is short, they matter most."""
+    """Places the labels of lane changes first, because they matter most where space is short."""
     inside = [t for t in run.tracks.values()
               if np.any((t.xy[:, 0] > view[0]) & (t.xy[:, 0] < view[1]))]
     labels = Labels(axes, view, scale, inside)
     wanted = [(not word.startswith("LC"), track.t[a], track.id, track, a, word)
               for track in run.controlled for k, (a, b, word) in enumerate(track.segments())
-              if b - a > 3 and not (k == 0 and word == "KS")]  # that a car drives on is no news
+              if b - a > 3 and not (k == 0 and word == "KS")]  # the initial KS needs no label
     for *_, track, index, word in sorted(wanted, key=lambda w: w[:3]):
         x, y = track.xy[index]
         if view[0] <= x <= view[1] and view[2] <= y <= view[3]:

@@ -1,12 +1,13 @@
 #!/usr/bin/python3
-"""Makes of a run a page that replays it: one HTML file that opens from disk and needs no network.
+"""Makes a page that replays a run: one HTML file, opened from disk, without a network.
 
     replay_html.py RUN.jsonl OUT.html
 
-The run file is that of verge-sim and verge-publish, format verge-run/1; one that was cut short
-replays as far as it goes. The page's own text, style and program are in replay_page/; this script
-adds the run, made small: lengths rounded to millimetres and written as second differences, which
-for anything that moves smoothly are a digit or two. A minute of sixty vehicles is some 2 MB.
+The run file is that of verge-sim and verge-publish, format verge-run/1. An incomplete file is
+replayed as far as it goes. Text, style and program of the page are in replay_page/. This script
+adds the run in a compact form: lengths are rounded to millimetres and written as second
+differences, which have one or two digits for smooth motion. A minute of sixty vehicles takes about
+2 MB.
 
 Exit status: 0 done, 2 wrong usage or input (one line on standard error).
 """
@@ -47,7 +48,7 @@ def packed_line(points):
 
 
 def tidy(value):
-    """Numbers of a report with the digits a reader wants; what is not finite is unknown."""
+    """Numbers of a report, rounded for reading; a number that is not finite becomes null."""
     if isinstance(value, dict):
         return {key: tidy(inner) for key, inner in value.items()}
     if isinstance(value, list):
@@ -117,7 +118,7 @@ def habit_word(habit):
 
 
 class Vehicle:
-    """One vehicle over the run: the stretches of ticks it was there."""
+    """One vehicle over the run: the ranges of ticks in which it was present."""
 
     def __init__(self, info):
         self.info, self.parts = info, []
@@ -148,7 +149,7 @@ class Vehicle:
 
 
 class Words:
-    """Each sentence once; elsewhere its number."""
+    """Stores each sentence once; other places refer to it by number."""
 
     def __init__(self):
         self.numbers = {}
@@ -160,13 +161,13 @@ class Words:
 # --- plans --------------------------------------------------------------------------------------
 
 def drawn_points(points, dt):
-    """Every so many points of a path that the page draws as straight pieces."""
+    """Fewer points of a path, at least DRAWN_DT apart; the page joins them by straight lines."""
     stride = max(1, round(DRAWN_DT / dt))
     return stride * dt, points[::stride]
 
 
 def place_on(lane, along, aside):
-    """The map position of an expected state; beyond the lane's end, straight on."""
+    """The map position of an expected state; beyond the end of the lane, straight ahead."""
     if lane is None or along is None or aside is None:
         return None
     at = min(max(along / lane.length, 0.0), 1.0) * (len(lane.centre) - 1)
@@ -222,7 +223,7 @@ def road_document(lanes):
 
 
 def frame_of(vehicles):
-    """How the map is turned for the screen, after where the controlled vehicles drive."""
+    """How the map is turned for the screen, from the paths of the controlled vehicles."""
     driven = [v for v in vehicles if v.info["control"] == "controlled"] or vehicles
     points = np.array([row[1:3] for v in driven for _, rows in v.parts for row in rows])
     forward = sum(np.subtract(v.parts[-1][1][-1][1:3], v.parts[0][1][0][1:3]) for v in driven)
@@ -230,7 +231,7 @@ def frame_of(vehicles):
 
 
 class Run:
-    """A run file's lines, sorted by what they tell."""
+    """The lines of a run file, sorted by their kind."""
 
     def __init__(self, path):
         number = 1
@@ -266,7 +267,7 @@ class Run:
             self.metrics = line["metrics"]
 
     def document(self):
-        """The run as the page wants it."""
+        """The run in the form that the page reads."""
         frame = frame_of(self.vehicles)
         direction = None if frame.direction is None else round(frame.direction, 6)
         return {"name": self.name, "source": self.source, "turn": round(frame.angle, 6),
@@ -279,7 +280,7 @@ class Run:
 # --- the page -----------------------------------------------------------------------------------
 
 def page(document):
-    """The template with its parts filled in. Nothing in a run can end the script it stands in."""
+    """The template with its parts filled in. No text of a run can end the script around it."""
     data = json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     parts = {"title": html.escape(f"{document['name']} - verge replay"), "run": data,
              "style": (PAGE / "replay.css").read_text(encoding="utf-8"),

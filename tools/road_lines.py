@@ -1,7 +1,7 @@
-"""A road as it is painted, from the lanes of a scenario: what plot.py and replay_html.py draw.
+"""The painted lines of a road, from the lanes of a scenario, for plot.py and replay_html.py.
 
-Lanes come as surveyed, polylines with neighbours. Drawn are their areas, a dashed line where two
-neighbours run side by side, a solid edge elsewhere, and nothing where one area runs into another.
+Lanes are surveyed polylines with neighbours. Drawn are: the area of each lane, a dashed line where
+two neighbours run side by side, a solid line at other edges, and no line where lanes overlap.
 All lengths in metres.
 """
 import math
@@ -12,9 +12,9 @@ RESAMPLE = 1.0  # [m] between points of a lane edge
 
 
 class Frame:
-    """Turns the map so that a long straight run lies level and is driven to the right.
+    """Turns the map so that a long straight road is horizontal and is driven to the right.
 
-    angle: by how much it turns [rad], 0 where the road is nearly level or has no main direction.
+    angle: of the turn [rad], 0 if the road is nearly horizontal or has no main direction.
     direction: the main direction of driving [rad], None where there is none.
     """
 

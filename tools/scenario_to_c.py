@@ -2,9 +2,9 @@
 
     scenario_to_c.py SCENARIO.json... > scenarios.c
 
-The tables are what verge-plan makes of the same files: the state at t = 0, in the order of the
-file. Numbers are written with all their digits; the C compiler reads them as the JSON reader does.
-Included by tests/determinism/digest_main.c, which explains the rest.
+The tables contain the state at t = 0, in the order of the file, as verge-plan reads it. Numbers
+have all their digits, so that the C compiler reads the same values as the JSON reader. The tables
+are included by tests/determinism/digest_main.c.
 """
 import json
 import math
@@ -13,8 +13,8 @@ import sys
 
 HABITS = {"aggressive": 0, "normal": 1, "conservative": 2}
 WEIGHTS = ("curvature", "heading", "offset", "acceleration", "jerk", "obstacle")
-INSTANT = 1e-6           # [s] instants closer than this are the same
-ACCELERATION_MAX = 15.0  # [m/s^2] larger ones are measurement noise
+INSTANT = 1e-6           # [s] instants closer than this are equal
+ACCELERATION_MAX = 15.0  # [m/s^2] larger values are measurement noise
 SEARCH = {"paper": "VERGE_SEARCH_PAPER", "best": "VERGE_SEARCH_BEST"}
 
 

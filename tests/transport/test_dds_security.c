@@ -314,7 +314,7 @@ static void test_running_tools_certs_again_keeps_what_is_good_and_adds(void** st
     // An authority whose key was put away must not be replaced in silence.
     assert_int_equal(shell("mv ours/identity_ca.key.pem away"), 0);
     assert_int_not_equal(shell(VERGE_SOURCE_DIR "/tools/certs --out %s/ours", folder), 0);
-    assert_int_equal(shell("mv away ours/identity_ca.key.pem; tail -1 log | grep -q 'bring it back'"),
+    assert_int_equal(shell("mv away ours/identity_ca.key.pem; tail -1 log | grep -q 'restore it'"),
                      0);
     static const char* const wrong[] = { "a.b", "a:driver", "--days 0", "--days x", "--bogus",
                                          "--out /proc/nowhere", "identity_ca", "--out" };

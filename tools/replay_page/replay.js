@@ -1,4 +1,4 @@
-// Replays a run of verge: the road from above, who planned what, and how it went.
+// Replays a run of verge: the road from above, the plans of each vehicle, and the results.
 //
 // Reads top-down: the run is unpacked, the state at any moment is a function of time, and drawing
 // is a function of that state and the camera. Nothing is kept between two moments but the time,
@@ -11,7 +11,7 @@ const byId = (id) => document.getElementById(id);
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
-// Okabe and Ito's palette first, as in the figures: told apart by everyone, also in grey.
+// The palette of Okabe and Ito first, as in the figures: for colour-blind people, and in grey.
 const COLORS = ["#0072B2", "#D55E00", "#009E73", "#C0609B", "#A67608", "#2E9AD8", "#7B3294",
   "#8C510A", "#C51B7D", "#1B7837", "#4D4D9F", "#C66A0C", "#35978F", "#B2182B", "#4A9A50",
   "#2166AC"];
@@ -67,12 +67,12 @@ for (const plan of run.plans) {
 const vehicles = new Map(run.vehicles.map((v) => [v.id, v]));
 const planned = run.vehicles.filter((v) => v.controlled);
 const humans = run.vehicles.filter((v) => !v.controlled);
-const leading = planned.length ? planned : run.vehicles; // whom the camera minds
+const leading = planned.length ? planned : run.vehicles; // kept in view by the camera
 planned.forEach((v, i) => { v.color = COLORS[i % COLORS.length]; });
 
 // --- the state at a moment ----------------------------------------------------------------------
 
-// The last index whose value is not above t; 0 where all are.
+// The last index whose value is not above t; 0 if all values are above t.
 function lastBefore(count, valueAt, t) {
   let low = 0, high = count - 1;
   while (low < high) {
@@ -97,7 +97,7 @@ function stateOf(vehicle, t) {
     speed: between("speed"), acceleration: between("acceleration") };
 }
 
-// The plan in force at t; null before the first.
+// The plan that is valid at t; null before the first.
 function planAt(t) {
   if (!run.plans.length || run.plans[0].t > t + 1e-6) return null;
   return run.plans[lastBefore(run.plans.length, (i) => run.plans[i].t, t)];
@@ -127,7 +127,7 @@ function readPalette() {
   }
 }
 
-// A vehicle's colour; lighter on the dark page, where these blues would drown.
+// A vehicle's colour; lighter on the dark page, for contrast.
 function colorOf(vehicle) {
   if (!vehicle.controlled) return palette.human;
   if (!dark.matches) return vehicle.color;
@@ -181,8 +181,8 @@ function mindedPoints(t) {
   return points;
 }
 
-// The automatic camera moves and zooms by the mean of boxes around t, those near t weighing more:
-// it glides, also where one box jumps because a vehicle leaves.
+// The automatic camera shows the weighted mean of the boxes around t; boxes near t weigh more. So
+// it moves smoothly, also when one box jumps because a vehicle leaves.
 function autoView(t, angle, width, height) {
   const sum = { u: 0, v: 0, wide: 0, tall: 0 };
   let weight = 0;
@@ -251,7 +251,7 @@ function setCamera(mode, id = null) {
   dirty = true;
 }
 
-// Zooms by a factor; about the point under the pointer unless the camera minds a vehicle.
+// Zooms by a factor, around the point under the pointer, unless the camera follows a vehicle.
 function zoomBy(factor, px = road.clientWidth / 2, py = road.clientHeight / 2) {
   if (camera.mode === "auto" || camera.mode === "follow") {
     camera.zoom *= limited(camera.scale * factor) / camera.scale;
@@ -362,7 +362,7 @@ function drawTrail(pen, vehicle) {
   pen.globalAlpha = 1;
 }
 
-// What the planner believed a human would do: faint, with a ring where the belief ends.
+// The predicted path of an uncontrolled vehicle: faint, with a ring at its end.
 function drawPrediction(pen, prediction, since) {
   const vehicle = vehicles.get(prediction.id), state = vehicle && stateOf(vehicle, now.t);
   if (!state) return;
@@ -380,7 +380,7 @@ function drawPrediction(pen, prediction, since) {
   pen.globalAlpha = 1;
 }
 
-// The trajectory being driven, bold; then the places the decision expects, a dot for each step.
+// The trajectory that is driven, bold; then the places of the decision, a dot for each step.
 function drawPlan(pen, plan, since) {
   const vehicle = vehicles.get(plan.id), state = vehicle && stateOf(vehicle, now.t);
   if (!state) return;
@@ -464,8 +464,8 @@ function drawLights(pen, state, half, side) {
   }
 }
 
-// Numbers stand on the bodies where there is room, else beside them; actions stand beside. taken:
-// where words stand already; a human's number gives way.
+// Numbers are on the bodies if there is space, or else beside them; actions are beside the bodies.
+// taken: where labels are already; the number of an uncontrolled vehicle is left out there.
 function drawLabel(pen, vehicle, state, taken) {
   const [px, py] = toScreen(state.x, state.y);
   const heading = camera.angle - state.heading; // as the canvas turns: clockwise
@@ -499,7 +499,7 @@ function drawLabel(pen, vehicle, state, taken) {
   pen.fillText(text, x, y);
 }
 
-// Writes a vehicle's number on its body, level or along it; false where it has no room.
+// Writes a vehicle's number on its body, level or along it; false if there is no space.
 function numberBody(pen, vehicle, px, py, heading, upright) {
   const face = (size) => `700 ${size}px system-ui, sans-serif`;
   const size = Math.min(12, 0.8 * vehicle.width * camera.scale);
@@ -706,7 +706,7 @@ function drawChart() {
   }
 }
 
-// What the current plan wants, as it left the plan: dashed over what was driven.
+// The speeds of the current plan, dashed, over the speeds that were driven.
 function drawPlannedSpeeds(pen, width) {
   const plan = planAt(now.t);
   if (!plan) return;
@@ -793,7 +793,7 @@ function showVehicle(vehicle, plan) {
   setText(row.lane, step[3] === null ? "" : `lane ${step[3]}`);
 }
 
-// What the vehicle wants, and a tick once it has it.
+// The target lane of the vehicle, and a tick mark after it is reached.
 function showWish(vehicle) {
   const wish = vehicle.row.wish, finish = (run.metrics && run.metrics.finish_time) || {};
   const at = finish[vehicle.id];
@@ -833,7 +833,7 @@ function facts(list, entries) {
 
 const known = (value) => typeof value === "number";
 
-// The search report; the vehicles themselves hear their plans only, so their runs have none.
+// The search report. A run of verge-publish has none, because vehicles receive only their plans.
 function searchFacts(search) {
   if (!search.iterations && !search.nodes) {
     return [["Search report", "stays at the roadside unit", "", ""]];
@@ -864,7 +864,7 @@ function showDecision() {
 
 const rated = run.plans.filter((p) => p.search.nodes && known(p.search.reward));
 
-// The reward of every cycle's decision, its bound above it, and where we are.
+// The reward of each cycle's decision, its upper bound, and the present cycle.
 function drawRewards() {
   rewards.hidden = rated.length < 2;
   if (rewards.hidden) return;
@@ -934,7 +934,7 @@ function showMetrics() {
   }
   for (const [key, value] of Object.entries(metrics)) {
     const apart = ["success", "collisions", "fallbacks"].includes(key);
-    const unheard = key === "nodes_mean" && value === 0; // the vehicles do not know
+    const unheard = key === "nodes_mean" && value === 0; // a run of verge-publish
     if (!apart && !unheard) {
       entries.push(metricEntry(key, value));
     }
@@ -1022,7 +1022,7 @@ let lastFrame = null;
 
 function frame(stamp) {
   if (now.playing) {
-    // A page that was hidden goes on where it was instead of jumping.
+    // A page that was hidden continues from the same instant.
     if (lastFrame !== null) seek(now.t + Math.min(0.25, (stamp - lastFrame) / 1000) * now.speed);
     if (now.t >= END) play(false);
     dirty = true;
@@ -1131,7 +1131,7 @@ function listenToKeys() {
     event.preventDefault();
     act(event);
   });
-  // A button pressed by a pointer gives the keys back: space plays again.
+  // A button pressed by a pointer loses the focus, so that the space key plays.
   addEventListener("click", (event) => {
     const pressed = event.target.closest("button");
     if (pressed && event.detail > 0) pressed.blur();
@@ -1184,7 +1184,7 @@ function start() {
   requestAnimationFrame(frame);
 }
 
-// For whoever drives the page from outside, and for its test.
+// For programs that control the page, and for its test.
 window.verge = {
   get time() { return now.t; },
   get playing() { return now.playing; },

@@ -196,6 +196,9 @@ static void show_status(const json_at* root)
             printf(", %.0f %s", member->valuedouble, member->string + 3);
         }
     }
+    printf("\n  lost             %" PRId64 " lines of the log, %" PRId64 " events of the recording",
+           json_integer_or(root, "log_dropped", 0, INT64_MAX / 2, 0),
+           json_integer_or(root, "record_dropped", 0, INT64_MAX / 2, 0));
     printf("\n  planner memory   %.1f of %.1f MB used at most, %" PRId64 " nodes\n",
            real(&of, "arena_peak_bytes") * 1e-6, real(&of, "arena_size_bytes") * 1e-6,
            whole(&of, "nodes_peak"));

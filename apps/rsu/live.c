@@ -11,6 +11,7 @@
 #include "notify.h"
 #include "operators.h"
 #include "realtime.h"
+#include "recorder.h"
 #include "reload.h"
 #include "status.h"
 #include "tell.h"
@@ -34,13 +35,16 @@ enum {
     DRAIN_ROUNDS_MAX = 64,   // before a cycle: the whole socket buffer, but not a flood's length
     OWN_ENDS = 4,            // descriptors of the loop itself: signals, planning, timers
     STATUS_PERIOD_MS = 1000, // and on each change of state or fault
+    RECORD_PATIENCE_US = 300000, // for what waits when the recording ends: within a second all
+    LOG_PATIENCE_US = 200000,    // has to be over at SIGTERM
 };
 
 typedef struct live {
     const live_options* options;
     setup          now;          // in force
     setup          next;         // waits for the next cycle; config null: nothing waits
-    transport*     record;       // null: not recording
+    recorder*      record;       // null: not recording
+    uint64_t       record_dropped; // by recordings that have ended
     worker*        worker;
     int            signal_fd, cycle_fd, status_fd;
     int64_t        cycle_count;  // cycles begun
@@ -181,11 +185,15 @@ static int load(live* self)
     if (code != 0) {
         return fail(code, error);
     }
+    realtime_prepare(&self->now.config->service);
     open_log(self);
+    if (!log_start()) {
+        return fail(EXIT_OS, "the system refused a thread for the log, expected a higher "
+                             "LimitNPROC or TasksMax");
+    }
     if (self->options->floating_corrected) {
         tell_correction(self, "start");
     }
-    realtime_prepare(&self->now.config->service);
     code = setup_build(&self->now, error);
     return code == 0 ? 0 : fail(code, error);
 }
@@ -209,13 +217,8 @@ static int open_ends(live* self)
     if (self->options->record_path == NULL) {
         return 0;
     }
-    char url[4096];
-    const int length = snprintf(url, sizeof url, "log:%s", self->options->record_path);
-    if (length < 0 || (size_t)length >= sizeof url) {
-        return fail(EXIT_USAGE, "--record: the path is too long");
-    }
-    result = transport_open(&self->record, url, TRANSPORT_RECORD, error, sizeof error);
-    return result == TRANSPORT_OK ? 0 : fail(EXIT_OS, error);
+    const char* path = self->options->record_path;
+    return recorder_open(&self->record, path, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
 /// Those the loop answers.
@@ -276,8 +279,9 @@ static int open_operators(live* self)
 /// Prints one line for people, not in the form of the log, and returns the code.
 static int fail(int code, const char* line)
 {
-    const size_t size = strlen(line);
-    fprintf(stderr, "verge-rsu: %s%s", line, size > 0 && line[size - 1] == '\n' ? "" : "\n");
+    char text[CONFIG_ERROR_SIZE + 16];
+    snprintf(text, sizeof text, "verge-rsu: %s", line);
+    log_plain(text);
     return code;
 }
 
@@ -298,6 +302,7 @@ static void on_bus(live* self);
 static void on_planned(live* self);
 static void on_tick(live* self);
 static void on_status_due(live* self);
+static void check_record(live* self);
 static uint64_t expirations(int timer_fd);
 
 static void loop(live* self)
@@ -322,6 +327,7 @@ static void loop(live* self)
         // What a plan is made from is taken in before it is begun, and a plan that is ready goes
         // out before anything else.
         on_planned(self);
+        check_record(self);
         if (limit > 0 && self->cycle_count >= limit && !worker_busy(self->worker)) {
             return;
         }
@@ -334,9 +340,17 @@ static void loop(live* self)
     }
 }
 
+static void count_dropped(live* self)
+{
+    self->status.log_dropped = log_dropped();
+    self->status.record_dropped =
+        self->record_dropped + (self->record != NULL ? recorder_dropped(self->record) : 0);
+}
+
 static void on_status_due(live* self)
 {
     if (expirations(self->status_fd) > 0) {
+        count_dropped(self);
         tell_periodically(&self->teller, instant_now());
         operators_write(&self->operators);
     }
@@ -389,17 +403,30 @@ static void on_bus(live* self)
     take_in(self);
 }
 
-/// A recording that cannot be written ends; planning does not.
 static void record_message(live* self, int64_t utime, const transport_message* message)
 {
-    if (self->record == NULL) {
-        return;
+    if (self->record != NULL) {
+        recorder_put(self->record, utime, message);
     }
-    if (transport_record(self->record, utime, message) != 0) {
-        log_event(LOG_ERROR, "record_ended", "reason=write_failed error=\"%s\"", strerror(errno));
+}
+
+/// False: what waited could not be written in time.
+static bool end_record(live* self)
+{
+    self->record_dropped += self->record != NULL ? recorder_dropped(self->record) : 0;
+    const bool whole = recorder_close(self->record, RECORD_PATIENCE_US);
+    self->record = NULL;
+    return whole;
+}
+
+/// A recording that cannot be written ends; planning does not.
+static void check_record(live* self)
+{
+    const int fault = self->record != NULL ? recorder_fault(self->record) : 0;
+    if (fault != 0) {
+        log_event(LOG_ERROR, "record_ended", "reason=write_failed error=\"%s\"", strerror(fault));
         status_fault(&self->status, RSU_FAULT_RECORD, 0, true);
-        transport_close(self->record);
-        self->record = NULL;
+        end_record(self);
     }
 }
 
@@ -518,9 +545,8 @@ static void send_messages(live* self)
         if (self->record != NULL) {
             static transport_message message; // large; there is one main thread
             message.kind = TRANSPORT_PLAN;
-            message.arrival_utime = clock_us(CLOCK_REALTIME);
             message.as.plan = *plan;
-            record_message(self, message.arrival_utime, &message);
+            record_message(self, clock_us(CLOCK_REALTIME), &message);
         }
     }
 }
@@ -529,11 +555,13 @@ static void send_messages(live* self)
 
 static operators_view look(void* context)
 {
-    const live* self = context;
+    live* self = context;
+    count_dropped(self);
     return (operators_view){
         .config = self->now.config,
         .cycle = &self->cycle,
         .status = tell_message(&self->teller, instant_now()),
+        .losses = { self->status.log_dropped, self->status.record_dropped },
         .bus = buses_statistics(&self->now.buses),
     };
 }
@@ -604,8 +632,7 @@ static void install_next(live* self)
     // A recording holds one configuration: what follows could not be replayed with either.
     if (self->record != NULL) {
         log_event(LOG_WARNING, "record_ended", "reason=configuration_changed");
-        transport_close(self->record);
-        self->record = NULL;
+        end_record(self);
     }
     log_event(LOG_INFO, "config_in_force", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
               self->now.config->config_crc32, self->now.config->map_crc32,
@@ -627,11 +654,14 @@ static int stop(live* self)
               "cycles=%" PRId64 " plans=%" PRIu64 " fallbacks=%" PRIu64 " deadline_misses=%" PRIu64,
               self->cycle_count, self->cycle.counters.plans, self->cycle.counters.fallbacks,
               self->status.deadline_misses);
+    if (!end_record(self)) {
+        log_event(LOG_WARNING, "record_cut", "reason=\"what waited could not be written\"");
+    }
     if (worker_busy(self->worker)) {
         // The daemon stops within one second. A planning step may take longer, and its plan is not
         // needed any more. The recording is complete without it.
-        transport_close(self->record);
         operators_close(&self->operators);
+        log_stop(LOG_PATIENCE_US);
         _exit(0);
     }
     release(self);
@@ -644,7 +674,7 @@ static void release(live* self)
     operators_close(&self->operators);
     worker_destroy(self->worker);
     setup_free(&self->next);
-    transport_close(self->record);
+    end_record(self);
     setup_free(&self->now);
     const int ends[] = { self->signal_fd, self->cycle_fd, self->status_fd };
     for (unsigned i = 0; i < sizeof ends / sizeof ends[0]; i++) {
@@ -652,4 +682,5 @@ static void release(live* self)
             close(ends[i]);
         }
     }
+    log_stop(LOG_PATIENCE_US);
 }

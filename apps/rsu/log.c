@@ -1,7 +1,16 @@
+/// See log.h. The main thread makes a line, the outlet's thread writes it: with one write(), which
+/// keeps lines whole when other programs write to the same pipe.
 #include "log.h"
 
+#include "outlet.h"
+
+#include <assert.h>
+#include <errno.h>
 #include <inttypes.h>
+#include <limits.h>
+#include <poll.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,9 +20,18 @@
 
 enum {
     LINE_SIZE = 512,
-    JSON_SIZE = 8 * LINE_SIZE, // every character escaped would still fit
+    JSON_SIZE = 4 * LINE_SIZE, // the worst pair, `= `, becomes three times as long
+    WRITTEN_SIZE = JSON_SIZE + 8, // with the priority before it and the line break
     EVENTS_MAX = 48, // distinct event words in this program, with room
 };
+static_assert(WRITTEN_SIZE <= PIPE_BUF, "a pipe takes a line whole or not at all");
+
+/// What waits in the outlet: a line, and how many dropped ones it tells of (0: it is another line).
+typedef struct queued_line {
+    uint64_t tells;
+    char     text[WRITTEN_SIZE];
+} queued_line;
+enum { QUEUED_HEAD = offsetof(queued_line, text) };
 
 /// What one event word has written in its current second.
 typedef struct event_rate {
@@ -27,6 +45,10 @@ static log_level  level_max = LOG_INFO;
 static log_format format_now = LOG_TEXT;
 static bool       journal;
 static event_rate rates[EVENTS_MAX];
+static outlet*    queue;      // null: lines are written by the caller
+static bool       silent;     // the queue's thread still waits for standard error: nobody writes
+static uint64_t   dropped_before; // by a queue that is closed
+static atomic_uint_fast64_t told; // dropped lines that the log tells of
 
 static const char* const LEVEL_NAMES[] = { "error", "warning", "info", "debug" };
 static const int PRIORITIES[] = { 3, 4, 6, 7 }; // syslog's, of the levels
@@ -75,7 +97,7 @@ void log_setup(log_format format)
     journal = stderr_is_journal();
 }
 
-static void write_line(log_level level, const char* pairs);
+static void write_line(log_level level, const char* pairs, uint64_t tells);
 
 void log_event(log_level level, const char* event, const char* format, ...)
 {
@@ -101,25 +123,128 @@ void log_event(log_level level, const char* event, const char* format, ...)
         vsnprintf(line + size, sizeof line - size, format, args);
         va_end(args);
     }
-    write_line(shown, line);
+    write_line(shown, line, 0);
 }
 
-/// One write a line keeps lines whole when others share the descriptor. A log that cannot be
-/// written is not worth stopping for.
-static void write_line(log_level level, const char* pairs)
+static void queue_or_write(queued_line* line, size_t size);
+
+static void write_line(log_level level, const char* pairs, uint64_t tells)
 {
-    char line[JSON_SIZE + 8];
-    size_t size = journal ? (size_t)snprintf(line, sizeof line, "<%d>", PRIORITIES[level]) : 0;
+    queued_line line = { .tells = tells };
+    size_t size = 0;
+    if (journal) {
+        size = (size_t)snprintf(line.text, sizeof line.text, "<%d>", PRIORITIES[level]);
+    }
     if (format_now == LOG_JSON) {
-        size += json_of(pairs, line + size, sizeof line - size - 1);
+        size += json_of(pairs, line.text + size, sizeof line.text - size - 1);
     } else {
         const size_t length = strlen(pairs);
-        memcpy(line + size, pairs, length);
+        memcpy(line.text + size, pairs, length);
         size += length;
     }
-    line[size++] = '\n';
-    const ssize_t ignored = write(STDERR_FILENO, line, size);
-    (void)ignored;
+    line.text[size++] = '\n';
+    queue_or_write(&line, size);
+}
+
+void log_plain(const char* text)
+{
+    queued_line line = { .tells = 0 };
+    size_t size = strnlen(text, sizeof line.text - 1);
+    memcpy(line.text, text, size);
+    if (size == 0 || text[size - 1] != '\n') {
+        line.text[size++] = '\n';
+    }
+    queue_or_write(&line, size);
+}
+
+// ---- writing --------------------------------------------------------------------------------
+
+static bool write_queued(void* context, const void* record, size_t size);
+static bool write_whole(const char* text, size_t size);
+
+bool log_start(void)
+{
+    const outlet_def def = {
+        .name = "verge-log",
+        .queue_size = LOG_QUEUE_SIZE,
+        .record_max = sizeof(queued_line),
+        .write = write_queued,
+    };
+    queue = outlet_create(&def);
+    return queue != NULL;
+}
+
+void log_stop(int64_t patience_us)
+{
+    if (queue != NULL) {
+        dropped_before = log_dropped();
+        silent = !outlet_close(queue, patience_us);
+        queue = NULL;
+    }
+}
+
+uint64_t log_dropped(void)
+{
+    return dropped_before + (queue != NULL ? outlet_dropped(queue) : 0);
+}
+
+void log_tell_dropped(void)
+{
+    const uint64_t dropped = log_dropped();
+    const uint64_t before = atomic_load(&told);
+    if (queue == NULL || dropped == before || level_max < LOG_WARNING || !outlet_idle(queue)) {
+        return;
+    }
+    char line[LINE_SIZE];
+    snprintf(line, sizeof line,
+             "level=warning event=log_dropped lines=%" PRIu64 " total=%" PRIu64, dropped - before,
+             dropped);
+    write_line(LOG_WARNING, line, dropped);
+}
+
+static void queue_or_write(queued_line* line, size_t size)
+{
+    if (queue != NULL) {
+        outlet_put(queue, line, QUEUED_HEAD + size);
+    } else if (!silent) {
+        write_whole(line->text, size); // a log that cannot be written is not worth stopping for
+    }
+}
+
+/// In the outlet's thread. A line that only tells of dropped ones is not missed: the next one does.
+static bool write_queued(void* context, const void* record, size_t size)
+{
+    (void)context;
+    uint64_t tells = 0;
+    memcpy(&tells, record, sizeof tells);
+    const bool written = write_whole((const char*)record + QUEUED_HEAD, size - QUEUED_HEAD);
+    if (tells > 0 && written) {
+        atomic_store(&told, tells);
+    }
+    return written || tells > 0;
+}
+
+/// However long it takes. A line that was cut when the disk was full is ended before the next one.
+static bool write_whole(const char* text, size_t size)
+{
+    static bool cut;
+    if (cut && write(STDERR_FILENO, "\n", 1) == 1) {
+        cut = false;
+    }
+    size_t written = 0;
+    while (written < size && !cut) {
+        const ssize_t part = write(STDERR_FILENO, text + written, size - written);
+        if (part > 0) {
+            written += (size_t)part;
+        } else if (errno == EAGAIN) { // another program made it so
+            struct pollfd end = { .fd = STDERR_FILENO, .events = POLLOUT };
+            poll(&end, 1, -1);
+        } else if (errno != EINTR) {
+            cut = written > 0;
+            return false;
+        }
+    }
+    return written == size;
 }
 
 char* log_words(char* text)

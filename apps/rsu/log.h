@@ -9,12 +9,17 @@
 ///
 /// Each event has its own rate limit, LOG_BURST lines in a second, so that a flood of bad
 /// messages cannot drown the rest; the next line of that event tells how many were held back.
-/// Nothing is allocated. Calls come from the main thread alone: the planning thread never waits for
-/// whoever reads the log.
+///
+/// Blocking    From log_start() on a thread of its own writes the lines, so that a caller never
+///             waits, not even for a pipe that nobody reads. Lines beyond LOG_QUEUE_SIZE are
+///             dropped; when writing works again the event log_dropped tells how many.
+/// Memory      log_start() allocates the queue; nothing else does.
+/// Threads     Calls come from the main thread alone.
 #ifndef VERGE_RSU_LOG_H
 #define VERGE_RSU_LOG_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 typedef enum log_level {
     LOG_ALWAYS = -1, ///< info that no level hides: what other programs wait for
@@ -29,7 +34,10 @@ typedef enum log_format {
     LOG_JSON = 1,
 } log_format;
 
-enum { LOG_BURST = 5 };
+enum {
+    LOG_BURST = 5,
+    LOG_QUEUE_SIZE = 256 << 10, ///< [B] some thousand lines
+};
 
 /// "error", "warning", "info" or "debug". False: not one of them, nothing changed.
 bool log_level_from(const char* text, log_level* level);
@@ -44,6 +52,21 @@ const char* log_format_name(log_format format);
 /// The format of the lines to come, and whether standard error is the journal. Without a call:
 /// text, and it is not.
 void log_setup(log_format format);
+
+/// From now on lines are written by a thread. False when the system refuses one, or memory: errno;
+/// the caller's thread goes on writing them.
+bool log_start(void);
+/// Writes what waits, for at most patience_us [us]. Lines after it are written by the caller's
+/// thread; where time ran out they are left out.
+void log_stop(int64_t patience_us);
+
+/// Lines that were dropped because the queue was full, or lost because writing failed.
+uint64_t log_dropped(void);
+/// Once a second: a line log_dropped when lines were dropped and writing works again.
+void log_tell_dropped(void);
+
+/// A line without level and event, for what ends the program. A line break at its end is fine.
+void log_plain(const char* line);
 
 /// event: a static string, lower case, one word. format: pairs `key=value` or `key="some words"`
 /// with single spaces between them, may be empty. Words from elsewhere go through log_words().

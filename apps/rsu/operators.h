@@ -8,6 +8,7 @@
 
 #include "config.h"
 #include "cycle.h"
+#include "report.h"
 #include "server.h"
 
 enum { OPERATORS_ENDS = 2 * SERVER_ENDS };
@@ -17,6 +18,7 @@ typedef struct operators_view {
     const config*      config;
     const cycle*       cycle;
     verge_rsu_status_t status;
+    report_losses      losses;
     transport_stats    bus;
 } operators_view;
 

@@ -5,7 +5,8 @@
 
 #include <inttypes.h>
 
-void report_status(text* out, const config* config, const verge_rsu_status_t* status)
+void report_status(text* out, const config* config, const verge_rsu_status_t* status,
+                   const report_losses* losses)
 {
     char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
     config_bus_list(config, buses, sizeof buses);
@@ -13,7 +14,8 @@ void report_status(text* out, const config* config, const verge_rsu_status_t* st
              VERGE_VERSION_STRING, message_rsu_state(status->state),
              message_rsu_fault(status->fault));
     text_add_string(out, buses);
-    text_add(out, ",\"cycle_ms\":%u,\"status\":", config->cycle_ms);
+    text_add(out, ",\"cycle_ms\":%u,\"log_dropped\":%" PRIu64 ",\"record_dropped\":%" PRIu64
+             ",\"status\":", config->cycle_ms, losses->log_dropped, losses->record_dropped);
     message_json(out, TRANSPORT_STATUS, status);
     text_add(out, "}\n");
 }
@@ -145,8 +147,8 @@ static void add_arena(text* out, const verge_rsu_status_t* status)
              status->arena_peak_bytes);
 }
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle,
-                    const transport_stats* bus)
+void report_metrics(text* out, const verge_rsu_status_t* status, const report_losses* losses,
+                    const cycle* cycle, const transport_stats* bus)
 {
     head(out, "verge_build_info", "gauge", "Always 1; the labels tell version and configuration.");
     text_add(out, "verge_build_info{version=\"%s\",rsu_id=\"%" PRId32 "\",map_crc32=\"%08" PRIx32
@@ -173,6 +175,12 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cy
     single(out, "verge_overruns_total", "counter",
            "Of the plans sent, those that went out in place of a late one.",
            (int64_t)cycle->counters.overruns);
+    single(out, "verge_log_dropped_total", "counter",
+           "Lines of the log that were lost: it was not read, or could not be written.",
+           (int64_t)losses->log_dropped);
+    single(out, "verge_record_dropped_total", "counter",
+           "Events missing in the recording, for the same reasons.",
+           (int64_t)losses->record_dropped);
     add_received(out, status);
     add_strangers(out, bus);
     add_arena(out, status);

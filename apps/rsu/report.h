@@ -14,14 +14,22 @@
 /// [B] Room for the largest: the plans of VERGE_CONTROLLED_MAX vehicles.
 enum { REPORT_SIZE = 256 << 10, REPORT_METRICS_SIZE = 8 << 10 };
 
-/// {"version":…, "state":…, "fault":…, "bus":…, "cycle_ms":…, "status":{the message}}
-void report_status(text* out, const config* config, const verge_rsu_status_t* status);
+/// What the daemon knows of itself and the status message has no field for.
+typedef struct report_losses {
+    uint64_t log_dropped;    ///< lines
+    uint64_t record_dropped; ///< events
+} report_losses;
+
+/// {"version":…, "state":…, "fault":…, "bus":…, "cycle_ms":…, "log_dropped":…, "record_dropped":…,
+/// "status":{the message}}
+void report_status(text* out, const config* config, const verge_rsu_status_t* status,
+                   const report_losses* losses);
 /// {"utime":…, "vehicles":[…]}: who took part in the last cycle, at its instant.
 void report_vehicles(text* out, const cycle* cycle);
 /// {"plans":[…]}: the messages in force.
 void report_plans(text* out, const cycle* cycle);
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const cycle* cycle,
-                    const transport_stats* bus);
+void report_metrics(text* out, const verge_rsu_status_t* status, const report_losses* losses,
+                    const cycle* cycle, const transport_stats* bus);
 
 #endif

@@ -29,8 +29,9 @@ const char* rsu_state_name(rsu_state state)
 
 void status_fault(status* self, rsu_fault fault, int64_t now, bool lasting)
 {
+    const bool lasts = self->fault_given[fault] && self->fault_until[fault] == INT64_MAX;
     self->fault_given[fault] = true;
-    self->fault_until[fault] = lasting ? INT64_MAX : now + STATUS_FAULT_HOLD_US;
+    self->fault_until[fault] = lasting || lasts ? INT64_MAX : now + STATUS_FAULT_HOLD_US;
 }
 
 void status_fault_clear(status* self, rsu_fault fault)

@@ -19,7 +19,7 @@ typedef enum rsu_state {
 typedef enum rsu_fault {
     RSU_FAULT_NONE = 0,
     RSU_FAULT_CONFIG = 1,    ///< the last configuration read again was refused; the old one holds
-    RSU_FAULT_RECORD = 2,    ///< the recording could not be written and has ended
+    RSU_FAULT_RECORD = 2,    ///< the recording has ended, or lost events lately
     RSU_FAULT_CAPACITY = 3,  ///< vehicles were left out lately: more than the capacities
     RSU_FAULT_DEADLINE = 4,  ///< a cycle took longer than cycle_ms lately
     RSU_FAULT_BUS = 5,       ///< sending or receiving failed lately
@@ -38,6 +38,8 @@ enum { STATUS_FAULT_HOLD_US = 5000000 };
 typedef struct status {
     int64_t  start_utime;     ///< [us]
     uint64_t deadline_misses;
+    uint64_t log_dropped;     ///< lines of the log that nobody took
+    uint64_t record_dropped;  ///< events missing in the recording
     timing   cycle_time;
     bool     stopping;
     bool     heard;           ///< the last cycle saw a vehicle
@@ -46,7 +48,7 @@ typedef struct status {
 } status;
 
 /// A fault occurred at now [us] of a clock that never steps back. lasting: it stays until
-/// status_fault_clear().
+/// status_fault_clear(), whatever follows.
 void status_fault(status* self, rsu_fault fault, int64_t now, bool lasting);
 void status_fault_clear(status* self, rsu_fault fault);
 rsu_fault status_worst(const status* self, int64_t now);

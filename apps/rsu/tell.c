@@ -34,6 +34,7 @@ void tell_changes(teller* self, instant at)
 // ---- once a second ------------------------------------------------------------------------
 
 static void tell_trouble(teller* self, instant at);
+static void tell_dropped(teller* self, instant at);
 static void tell_over_capacity(teller* self, instant at);
 static void tell_refusals(teller* self);
 static void tell_expiry(teller* self, instant at);
@@ -42,6 +43,7 @@ static void tell_manager(teller* self, instant at);
 void tell_periodically(teller* self, instant at)
 {
     tell_trouble(self, at);
+    tell_dropped(self, at);
     tell_over_capacity(self, at);
     tell_refusals(self);
     tell_expiry(self, at);
@@ -60,6 +62,22 @@ static void tell_trouble(teller* self, instant at)
                       errors, self->setup->config->bus[bus]);
         }
     }
+}
+
+/// Losses of log and recording are told when writing works again: for a whole second nothing more
+/// was lost.
+static void tell_dropped(teller* self, instant at)
+{
+    log_tell_dropped();
+    const uint64_t dropped = self->status->record_dropped;
+    if (dropped > self->record_dropped) {
+        status_fault(self->status, RSU_FAULT_RECORD, at.now, false);
+    } else if (dropped > self->record_dropped_told) {
+        log_event(LOG_WARNING, "record_dropped", "events=%" PRIu64 " total=%" PRIu64,
+                  dropped - self->record_dropped_told, dropped);
+        self->record_dropped_told = dropped;
+    }
+    self->record_dropped = dropped;
 }
 
 static void tell_over_capacity(teller* self, instant at)

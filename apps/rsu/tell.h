@@ -27,6 +27,8 @@ typedef struct teller {
     rsu_fault    fault;
     uint64_t     refusals;      ///< refused states already in the log
     uint64_t     over_capacity; ///< the same of these alone
+    uint64_t     record_dropped;      ///< a second ago
+    uint64_t     record_dropped_told; ///< in the log
 } teller;
 
 /// The status message of this moment.

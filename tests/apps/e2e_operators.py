@@ -182,7 +182,8 @@ def clients_that_misbehave_hold_up_nobody(rig):
 NAMES = ["verge_build_info", "verge_start_time_seconds", "verge_state", "verge_fault",
          "verge_cycles_total", "verge_vehicles_seen", "verge_vehicles_controlled",
          'verge_cycle_seconds{stat="p99"}', "verge_deadline_misses_total",
-         "verge_plans_sent_total", "verge_fallbacks_total", "verge_overruns_total",
+         "verge_plans_sent_total", "verge_fallbacks_total", "verge_log_dropped_total",
+         "verge_record_dropped_total", "verge_overruns_total",
          'verge_rx_total{result="accepted"}', 'verge_rx_total{result="id_conflict"}',
          'verge_strangers_total{reason="forged"}', 'verge_arena_bytes{stat="size"}', "verge_nodes_peak"]
 

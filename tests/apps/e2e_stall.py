@@ -4,6 +4,7 @@
 
 Every case is a function named like its claim. The bus is loop:, which needs no network.
 """
+import fcntl
 import json
 import os
 import signal
@@ -72,9 +73,118 @@ def a_file_that_is_none_is_refused_at_a_reload_and_cycles_go_on(rig):
         check(code == 0 and seconds < 1.0, f"exit {code} after {seconds:.1f} s")
 
 
+# ---- readers that do not read -------------------------------------------------------------
+
+class Piped(Daemon):
+    """A daemon whose standard error is a pipe that the test reads, or does not."""
+
+    def __init__(self, rig, config, *options):
+        self.reader, self.writer = os.pipe()
+        self.heard = b""
+        self.process = subprocess.Popen(
+            [str(rig.bin / "verge-rsu"), "--config", str(config), *map(str, options)],
+            stderr=self.writer, stdout=subprocess.DEVNULL)
+        self.log = os.fdopen(self.reader, "rb", buffering=0)
+        os.set_blocking(self.reader, False)
+        self.wait_for("READY")
+
+    def text(self):
+        while part := self.log.read(65536):
+            self.heard += part
+        return self.heard.decode()
+
+    def fill(self):
+        """Leaves no room for a byte, by an end of its own that does not wait."""
+        end = os.open(f"/proc/self/fd/{self.writer}", os.O_WRONLY | os.O_NONBLOCK)
+        for line in (b"filler" * 600 + b"\n", b"\n"):
+            try:
+                while os.write(end, line):
+                    pass
+            except BlockingIOError:
+                pass
+        os.close(end)
+
+
+def a_log_that_nobody_reads_stops_nothing(rig):
+    config = rig.config(control="rsu.sock", cycle_ms=20)
+    with Piped(rig, config, "--log-level", "debug") as rsu:
+        rsu.fill()
+        for _ in range(3):
+            rsu.signal(signal.SIGUSR1)
+            cycles_go_on(rig, 50)
+        check(ctl(rig, "reload")[0] == 0, "a reload")
+        cycles_go_on(rig, 50)
+        # Whoever reads again finds whole lines, those of the meantime among them.
+        rsu.wait_for("event=config_in_force")
+        for line in rsu.text().splitlines():
+            check(line == "" or line.startswith(("level=", "filler")), f"no whole line: {line!r}")
+            check(line.count("level=") <= 1, f"two lines in one: {line!r}")
+        check(rsu.text().count("event=statistics") == 3, "nothing was lost: it was not much")
+        rsu.fill()
+        cycles_go_on(rig)
+        seconds, code = rsu.stop()
+        check(code == 0 and seconds < 1.5, f"exit {code} after {seconds:.1f} s")
+
+
+def a_log_whose_reader_is_gone_stops_nothing(rig):
+    config = rig.config(control="rsu.sock", cycle_ms=20)
+    with Piped(rig, config) as rsu:
+        rsu.log.close()
+        os.close(rsu.writer)
+        rsu.signal(signal.SIGUSR1)
+        wait_for(lambda: status(rig)["log_dropped"] > 0, "lost lines are counted")
+        cycles_go_on(rig, 50)
+        code, out, _ = ctl(rig, "status")
+        check("lines of the log" in out, out)
+        check(rsu.stop()[1] == 0, "stops")
+
+
+def shrink(reader):
+    """To the room of one page, which the system refuses while there is more in the pipe."""
+    def done():
+        try:
+            while os.read(reader, 65536):
+                pass
+        except BlockingIOError:
+            pass
+        try:
+            return fcntl.fcntl(reader, fcntl.F_SETPIPE_SZ, 4096)
+        except OSError:
+            return 0
+    wait_for(done, "a smaller pipe")
+
+
+def a_recording_that_nobody_reads_stops_nothing(rig):
+    fifo = rig.folder / "record.fifo"
+    os.mkfifo(fifo)
+    config = rig.config(control="rsu.sock", cycle_ms=10, metrics={"file": "verge.prom"})
+    with Daemon(rig, config, "--record", fifo) as rsu: # a FIFO without a reader is no obstacle
+        wait_for(lambda: status(rig)["record_dropped"] > 0, "lost events are counted")
+        wait_for(lambda: status(rig)["fault"] == "record", "and a fault")
+        cycles_go_on(rig)
+        wait_for(lambda: any(line.startswith("verge_record_dropped_total ") and
+                             not line.endswith(" 0")
+                             for line in (rig.folder / "verge.prom").read_text().splitlines()),
+                 "in the figures, too")
+        reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
+        rsu.wait_for("event=record_dropped")
+        check(os.read(reader, 4) == b"\xed\xa1\xda\x01", "it begins with a whole event")
+        shrink(reader) # full within a second, and nobody reads on
+        before = status(rig)["record_dropped"]
+        cycles_go_on(rig, 300)
+        check(status(rig)["record_dropped"] == before, "they wait, with room for minutes of it")
+        seconds, code = rsu.stop()
+        check(code == 0 and seconds < 1.5, f"exit {code} after {seconds:.1f} s")
+        check("event=record_cut" in rsu.text(), "it says that the end is missing")
+        os.close(reader)
+
+
 CASES = [
     a_file_that_is_none_is_refused_at_the_start_with_one_line,
     a_file_that_is_none_is_refused_at_a_reload_and_cycles_go_on,
+    a_log_that_nobody_reads_stops_nothing,
+    a_log_whose_reader_is_gone_stops_nothing,
+    a_recording_that_nobody_reads_stops_nothing,
 ]
 
 if __name__ == "__main__":

@@ -9,12 +9,14 @@
 #include "common/json.h"
 
 #include <fcntl.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
-enum { TEXT_MAX = 65536 };
+enum { TEXT_MAX = 65536, PIPED_MAX = 8 << 20, PATIENCE_S = 300 };
 
 static int catcher = -1, usual = -1;
 
@@ -127,6 +129,116 @@ static void test_a_flood_is_held_back_and_counted(void** state)
     assert_true(lines >= LOG_BURST && lines < 500); // more than a burst where a second has passed
 }
 
+/// Reads what is in a pipe to `text`, at its end; how many lines there are by now.
+static unsigned pour(int reader, char* text)
+{
+    const size_t size = strlen(text);
+    const ssize_t got = read(reader, text + size, PIPED_MAX - 1 - size);
+    text[size + (size_t)(got > 0 ? got : 0)] = '\0';
+    unsigned lines = 0;
+    for (const char* c = text; *c != '\0'; c++) {
+        lines += *c == '\n' ? 1 : 0;
+    }
+    return lines;
+}
+
+static void wait_for_lines(int reader, char* text, unsigned lines)
+{
+    for (int tries = 0; pour(reader, text) < lines; tries++) {
+        if (tries >= 20000) {
+            fail_msg("%u lines of %u", pour(reader, text), lines);
+        }
+        usleep(1000);
+    }
+}
+
+/// Each has an event word of its own: these are more than the rate limit knows, and so none is held
+/// back.
+static void log_many(unsigned count)
+{
+    static char event[40000][8];
+    static unsigned next;
+    for (unsigned i = 0; i < count; i++, next++) {
+        snprintf(event[next], sizeof event[next], "n%u", next);
+        log_event(LOG_INFO, event[next], "filler=\"%0100d\"", 0);
+    }
+}
+
+/// What is read are whole lines, and each dropped one is counted and told of once.
+static void check_piped(const char* text, uint64_t put, uint64_t dropped)
+{
+    uint64_t lines = 0, told = 0;
+    for (const char* line = text; *line != '\0'; line = strchr(line, '\n') + 1) {
+        assert_int_equal(strncmp(line, "level=", 6), 0);
+        unsigned long long more = 0;
+        const char* tells = "level=warning event=log_dropped lines=%llu total=";
+        if (sscanf(line, tells, &more) == 1) {
+            told += more;
+        } else {
+            lines++;
+        }
+    }
+    assert_int_equal(lines, put - dropped);
+    assert_int_equal(told, dropped);
+}
+
+static void test_a_pipe_that_nobody_reads_costs_counted_lines_and_no_time(void** state)
+{
+    (void)state;
+    static char text[PIPED_MAX];
+    int ends[2];
+    assert_int_equal(pipe2(ends, O_CLOEXEC), 0);
+    fcntl(ends[0], F_SETFL, O_NONBLOCK);
+    log_setup(LOG_TEXT);
+    dup2(ends[1], STDERR_FILENO);
+    assert_true(log_start());
+    uint64_t put = 0;
+    while (log_dropped() == 0) { // the pipe and the queue are full at last, and nobody waits
+        log_many(100);
+        put += 100;
+    }
+    log_tell_dropped(); // in vain
+    const uint64_t dropped = log_dropped();
+    wait_for_lines(ends[0], text, (unsigned)(put - dropped));
+    for (unsigned lines = (unsigned)(put - dropped); pour(ends[0], text) == lines;) {
+        log_tell_dropped(); // once the queue is empty
+        usleep(1000);
+    }
+    log_tell_dropped();
+    log_many(1);
+    log_stop(20000000);
+    dup2(usual, STDERR_FILENO);
+    pour(ends[0], text);
+    check_piped(text, put + 1, dropped);
+    assert_int_equal(log_dropped(), dropped);
+    close(ends[0]);
+    close(ends[1]);
+}
+
+static void test_stopping_gives_up_on_a_pipe_that_nobody_reads(void** state)
+{
+    (void)state;
+    int ends[2];
+    assert_int_equal(pipe2(ends, O_CLOEXEC), 0);
+    const pid_t child = fork(); // its thread is left waiting, and ends with it
+    if (child == 0) {
+        dup2(ends[1], STDERR_FILENO);
+        const bool started = log_start();
+        log_many(2000);
+        log_stop(10000);
+        log_event(LOG_ERROR, "left-out", "%s", ""); // would wait for ever
+        if (started) {
+            raise(SIGKILL); // it came this far
+        }
+        _exit(1);
+    }
+    int end = -1;
+    assert_int_equal(waitpid(child, &end, 0), child);
+    assert_true(WIFSIGNALED(end) && WTERMSIG(end) == SIGKILL);
+    close(ends[1]);
+    close(ends[0]);
+}
+
 static void test_the_journal_is_told_by_device_and_inode(void** state)
 {
     (void)state;
@@ -154,6 +266,8 @@ static void test_the_journal_is_told_by_device_and_inode(void** state)
 static int open_catcher(void** state)
 {
     (void)state;
+    signal(SIGPIPE, SIG_IGN);
+    alarm(PATIENCE_S);
     char path[] = "/tmp/verge-log-XXXXXX";
     catcher = mkostemp(path, O_APPEND);
     usual = dup(STDERR_FILENO);
@@ -175,6 +289,8 @@ int main(void)
         cmocka_unit_test(test_only_what_json_spells_as_a_number_is_one),
         cmocka_unit_test(test_any_words_stay_on_one_line_that_parses),
         cmocka_unit_test(test_the_journal_is_told_by_device_and_inode),
+        cmocka_unit_test(test_a_pipe_that_nobody_reads_costs_counted_lines_and_no_time),
+        cmocka_unit_test(test_stopping_gives_up_on_a_pipe_that_nobody_reads),
     };
     return cmocka_run_group_tests(tests, open_catcher, close_catcher);
 }

@@ -254,10 +254,19 @@ static void test_a_file_is_replaced_whole_or_not_at_all(void** state)
     static char longest[5000];
     memset(longest, 'x', sizeof longest - 1);
     assert_int_equal(replace_file(longest, "x", 1), ENAMETOOLONG);
-    // Somebody's link in its place is not followed.
+    // Somebody's link in its place is not followed, and a FIFO is not waited for.
     assert_int_equal(symlink(path_of("f"), path_of("g.tmp")), 0);
-    assert_int_equal(replace_file(path_of("g"), "x", 1), ELOOP);
-    assert_int_equal(remove(path_of("g.tmp")), 0);
+    assert_int_equal(replace_file(path_of("g"), "link", 4), 0);
+    assert_int_equal(mkfifo(path_of("g.tmp"), 0600), 0);
+    assert_int_equal(replace_file(path_of("g"), "fifo", 4), 0);
+    file = fopen(path_of("f"), "r");
+    assert_non_null(fgets(words, sizeof words, file));
+    fclose(file);
+    assert_string_equal(words, "2nd");
+    assert_int_equal(mkdir(path_of("g.tmp"), 0700), 0);
+    assert_int_equal(replace_file(path_of("g"), "x", 1), EEXIST);
+    assert_int_equal(rmdir(path_of("g.tmp")), 0);
+    assert_int_equal(remove(path_of("g")), 0);
     assert_int_equal(remove(path_of("f")), 0);
 }
 

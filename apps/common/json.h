@@ -13,8 +13,9 @@
 ///             are ignored. After it the getters still return a value inside the asked range.
 /// Strictness  RFC 8259 to the letter (json_syntax.h: the first fault with its line and words), and
 ///             besides: numbers too large for a double, a key that appears twice, objects of more
-///             than JSON_KEYS_MAX keys and files above JSON_FILE_SIZE_MAX are refused. null is a
-///             value of the wrong type wherever it is not said to mean "none".
+///             than JSON_KEYS_MAX keys, files above JSON_FILE_SIZE_MAX and what is no regular file
+///             (a FIFO, a device, a directory) are refused. null is a value of the wrong type
+///             wherever it is not said to mean "none".
 /// Memory      Heap, until json_file_free(). This is for start-up only.
 #ifndef VERGE_APPS_JSON_H
 #define VERGE_APPS_JSON_H

@@ -20,7 +20,9 @@ bool options_parse(const program* self, int argc, char** argv, const char** argu
         const char* text = argv[i];
         if (ended || text[0] != '-' || text[1] == '\0') {
             if (positional != NULL || self->argument == NULL) {
-                return wrong(self, status, "one argument too many", text);
+                return wrong(self, status, positional != NULL
+                                               ? "one argument too many, expected one"
+                                               : "an argument, expected options only", text);
             }
             positional = text;
             continue;
@@ -45,7 +47,7 @@ bool options_parse(const program* self, int argc, char** argv, const char** argu
         }
         if (option->value_name == NULL) {
             if (equals != NULL) {
-                return wrong(self, status, "takes no value", text);
+                return wrong(self, status, "takes no value, expected the option alone", text);
             }
             *option->flag = true;
         } else if (equals != NULL) {
@@ -57,7 +59,7 @@ bool options_parse(const program* self, int argc, char** argv, const char** argu
         }
     }
     if (self->argument != NULL && positional == NULL) {
-        return wrong(self, status, "missing, see --help", self->argument);
+        return wrong(self, status, "missing, expected one (see --help)", self->argument);
     }
     if (argument != NULL) {
         *argument = positional;

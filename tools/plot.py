@@ -377,11 +377,15 @@ def subtitle(run):
     words = [f"{plural(len(run.controlled), 'vehicle')} planned jointly",
              plural(len(run.humans), "human driver"), f"{run.t_end:.1f} s"]
     known = run.metrics
-    if "success" in known:
-        words.append("every intention reached" if known["success"] else "an intention not reached")
+    if "reached_time" in known:
+        times = [time for name, time in known["reached_time"].items() if name != "mean"]
+        words.append("an intention not reached" if None in times else "every intention reached")
     if "collisions" in known:
         words.append(plural(known["collisions"], "collision") if known["collisions"]
                      else "no collision")
+    for name, text in (("off_road", "off the road"), ("standing", "standing")):
+        if known.get(name):
+            words.append(f"{known[name]} {text} at the end")
     if known.get("min_distance") is not None:
         words.append(f"closest bodies {known['min_distance']:.2f} m")
     if known.get("fallbacks"):

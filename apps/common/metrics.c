@@ -2,6 +2,7 @@
 #include "metrics.h"
 
 #include "number.h"
+#include "standing.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -9,6 +10,7 @@
 
 static void intention_check(metrics_vehicle* vehicle, const world* world,
                             const world_vehicle* there);
+static void end_check(metrics_vehicle* vehicle, const world* world, const world_vehicle* there);
 static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b);
 static metrics_direction way_of_road(const world* world, const world_vehicle* there);
 static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_vehicle* other);
@@ -72,6 +74,7 @@ void metrics_tick(metrics* self, const world* world)
     }
     for (uint32_t i = 0; i < self->vehicle_count; i++) {
         const world_vehicle* vehicle = &world->vehicles[i];
+        end_check(&self->vehicles[i], world, vehicle);
         if (!vehicle->present) {
             continue;
         }
@@ -113,11 +116,37 @@ void metrics_cycle(metrics* self, const verge_plan* plan, double ms)
 bool metrics_success(const metrics* self)
 {
     for (uint32_t i = 0; i < self->vehicle_count; i++) {
+        if (self->vehicles[i].off_road || self->vehicles[i].standing) {
+            return false;
+        }
+    }
+    return metrics_reached(self);
+}
+
+bool metrics_reached(const metrics* self)
+{
+    for (uint32_t i = 0; i < self->vehicle_count; i++) {
         if (self->vehicles[i].intends && isnan(self->vehicles[i].reached_time)) {
             return false;
         }
     }
     return self->collisions == 0;
+}
+
+static void counts_write(FILE* out, const metrics* self, const char* line)
+{
+    uint32_t off_road = 0, standing = 0;
+    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+        off_road += self->vehicles[i].off_road ? 1 : 0;
+        standing += self->vehicles[i].standing ? 1 : 0;
+    }
+    const struct { const char* name; uint32_t value; } counts[] = {
+        { "collisions", self->collisions }, { "collisions_human", self->collisions_human },
+        { "off_road", off_road }, { "standing", standing },
+    };
+    for (uint32_t i = 0; i < sizeof counts / sizeof counts[0]; i++) {
+        fprintf(out, "\"%s\":%u,%s", counts[i].name, counts[i].value, line);
+    }
 }
 
 double metrics_finish_mean(const metrics* self)
@@ -143,9 +172,8 @@ void metrics_write(FILE* out, const metrics* self, bool timing, const char* line
         { "nodes_mean", self->nodes > 0 ? (double)self->nodes / (double)self->cycles
                                         : (double)NAN }, // plans from a bus do not tell
     };
-    fprintf(out, "{\"success\":%s,%s\"collisions\":%u,%s\"collisions_human\":%u,%s",
-            metrics_success(self) ? "true" : "false", line, self->collisions, line,
-            self->collisions_human, line);
+    fprintf(out, "{\"success\":%s,%s", metrics_success(self) ? "true" : "false", line);
+    counts_write(out, self, line);
     times_write(out, self, "finish_time", offsetof(metrics_vehicle, finish_time));
     fprintf(out, ",%s", line);
     times_write(out, self, "reached_time", offsetof(metrics_vehicle, reached_time));
@@ -168,6 +196,14 @@ double percentile(const double* sorted, uint32_t count, double share)
     const double rank = ceil(share * (double)count); // nearest rank, from 1
     const double index = fmin(fmax(rank, 1.0), (double)count) - 1.0;
     return sorted[(uint32_t)index];
+}
+
+/// What would count if the run ended here.
+static void end_check(metrics_vehicle* vehicle, const world* world, const world_vehicle* there)
+{
+    const bool controlled = there->state.controlled;
+    vehicle->off_road = controlled && there->off_road;
+    vehicle->standing = controlled && standing_without_cause(world, there);
 }
 
 /// Latches the first instants in the target lane and near its centreline.

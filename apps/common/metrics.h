@@ -1,9 +1,13 @@
 /// What a closed-loop run was like, tick by tick and cycle by cycle.
 ///
-/// success          every intention of a controlled vehicle reached by the end of the run, and
-///                  no contact of a controlled vehicle
+/// success          every intention of a controlled vehicle reached by the end of the run, no
+///                  contact of a controlled vehicle, none off the road and none standing without a
+///                  cause (standing.h) at the end
 /// collisions       pairs of vehicles that touched at some tick, at least one of them controlled
 /// collisions_human the same between humans (recorded positions can overlap)
+/// off_road         controlled vehicles that are on no lane at the end; one that drove off the end
+///                  of the road is not off it
+/// standing         controlled vehicles that stand at the end without a cause
 /// finish_time      [s] per vehicle: first tick at which its centre is in the target lane or in
 ///                  a lane that continues it; `mean` is that of the vehicles that got there
 /// reached_time     [s] the same, but within 0.5 m of that lane's centreline
@@ -33,6 +37,8 @@ typedef struct metrics_vehicle {
     bool    keeps;         ///< its target lane is the one it starts in
     double  finish_time;   ///< [s] NaN: not yet
     double  reached_time;  ///< [s] NaN: not yet
+    bool    off_road;      ///< controlled, at the latest tick
+    bool    standing;      ///< controlled, without a cause, at the latest tick
 } metrics_vehicle;
 
 /// A unit vector. [1]
@@ -63,6 +69,9 @@ void metrics_tick(metrics* self, const world* world);
 void metrics_cycle(metrics* self, const verge_plan* plan, double ms);
 
 bool   metrics_success(const metrics* self);
+/// The paper's success: every intention reached and no contact, whatever holds at the end. For runs
+/// that end after the last decision, where vehicles have braked to a standstill.
+bool   metrics_reached(const metrics* self);
 double metrics_finish_mean(const metrics* self);  ///< [s] NaN: nobody finished
 double metrics_reached_mean(const metrics* self); ///< [s] NaN: nobody finished
 

@@ -227,7 +227,9 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
         const int32_t next = verge_road_next(self->road, lane, state->target_lane);
         at = verge_road_project(self->road, state->x, state->y, state->heading, next);
     }
-    if (at.lane_id != VERGE_NO_LANE && at.contained) {
+    const bool was_off_road = vehicle->off_road;
+    vehicle->off_road = at.lane_id == VERGE_NO_LANE || !at.contained;
+    if (!vehicle->off_road) {
         vehicle->lane = vehicle->lane_last = at.lane_id;
         return;
     }
@@ -239,5 +241,6 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
         verge_road_next(self->road, lane, state->target_lane) == VERGE_NO_LANE) {
         vehicle->present = false;
         vehicle->left = true;
+        vehicle->off_road = was_off_road; // past the end of the road is not off it
     }
 }

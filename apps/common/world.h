@@ -32,6 +32,7 @@ typedef struct world_vehicle {
     bool     left;           ///< was in the scene and comes no more
     int32_t  lane;           ///< the lane that contains its centre, else VERGE_NO_LANE
     int32_t  lane_last;      ///< the last lane that did
+    bool     off_road;       ///< on no lane, or left the scene while it was on none
     bool     planned;        ///< `plan` holds something
     double   plan_time;      ///< [s] t = 0 of its plan, in the world's time
     verge_vehicle_plan plan;

@@ -185,7 +185,7 @@ static void sum_up(drive* self)
     const metrics* from = &self->metrics;
     outcome*       to = self->result;
     uint64_t       plans = 0;
-    to->success = metrics_success(from);
+    to->success = metrics_reached(from); // the paper's; its methods decide once, for a while
     to->collisions = from->collisions;
     to->finish_time = metrics_finish_mean(from);
     to->reached_time = metrics_reached_mean(from);

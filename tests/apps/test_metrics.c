@@ -114,6 +114,70 @@ static void test_a_contact_counts_once_and_ends_success_only_with_a_controlled_v
     close_stage(&self);
 }
 
+/// Everybody is where they want to be, at their speed, and the run may end at any tick.
+static void open_content(stage* self)
+{
+    open_stage(self);
+    self->metrics.vehicles[1].intends = false;
+    tick(self);
+    assert_true(metrics_success(&self->metrics));
+}
+
+static void test_success_wants_controlled_vehicles_on_the_road_at_the_end(void** state)
+{
+    (void)state;
+    stage self;
+    open_content(&self);
+    self.world.vehicles[2].off_road = true; // a human's place is not ours to answer for
+    tick(&self);
+    assert_true(metrics_success(&self.metrics));
+    self.world.vehicles[1].off_road = true;
+    tick(&self);
+    assert_false(metrics_success(&self.metrics));
+    assert_true(self.metrics.vehicles[1].off_road && !self.metrics.vehicles[0].off_road);
+    self.world.vehicles[1].present = false; // left the scene beside the road
+    tick(&self);
+    assert_false(metrics_success(&self.metrics));
+    self.world.vehicles[1].off_road = false; // back on it, or left by its end
+    tick(&self);
+    assert_true(metrics_success(&self.metrics));
+    close_stage(&self);
+}
+
+static void test_success_wants_nobody_standing_without_a_cause_at_the_end(void** state)
+{
+    (void)state;
+    const struct { double x, speed, other_x, other_y; bool success; const char* text; } cases[] = {
+        { 0.0, 0.0, -300.0, 0.0, false, "nobody is near" },
+        { 0.0, 0.49, -300.0, 0.0, false, "this slow is standing" },
+        { 0.0, 0.5, -300.0, 0.0, true, "it drives" },
+        { 0.0, 0.0, 49.9, 0.0, true, "a vehicle ahead" },
+        { 0.0, 0.0, 50.1, 0.0, false, "one too far ahead" },
+        { 0.0, 0.0, 30.0, 30.0, true, "one that crosses" },
+        { 0.0, 0.0, 0.1, 4.0, true, "one beside it" },
+        { 0.0, 0.0, -0.1, 4.0, false, "one behind it" },
+        { 851.0, 0.0, -300.0, 0.0, true, "the end of the road" },
+        { 849.0, 0.0, -300.0, 0.0, false, "too far from the end of the road" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        stage self;
+        open_content(&self);
+        put(&self, 0, cases[i].x, 0.0, 0.0, cases[i].speed);
+        put(&self, 1, -600.0, 0.0, 0.0, 10.0);
+        put(&self, 2, cases[i].other_x, cases[i].other_y, 0.0, 0.0); // the human may stand
+        tick(&self);
+        if (metrics_success(&self.metrics) != cases[i].success) {
+            fail_msg("%s: success %d, expected %d", cases[i].text, !cases[i].success,
+                     cases[i].success);
+        }
+        assert_true(metrics_reached(&self.metrics));
+        self.world.vehicles[2].present = false; // who left is no cause
+        tick(&self);
+        assert_int_equal(metrics_success(&self.metrics), cases[i].x > 850.0 || cases[i].speed >= 0.5);
+        close_stage(&self);
+    }
+}
+
 static void test_time_to_collision_is_gap_over_closing_speed_in_any_direction(void** state)
 {
     (void)state;
@@ -234,6 +298,8 @@ int main(void)
         cmocka_unit_test(test_finish_and_reached_times_are_first_instants),
         cmocka_unit_test(
             test_a_contact_counts_once_and_ends_success_only_with_a_controlled_vehicle),
+        cmocka_unit_test(test_success_wants_controlled_vehicles_on_the_road_at_the_end),
+        cmocka_unit_test(test_success_wants_nobody_standing_without_a_cause_at_the_end),
         cmocka_unit_test(test_time_to_collision_is_gap_over_closing_speed_in_any_direction),
         cmocka_unit_test(test_the_gap_is_measured_across_the_road_however_a_body_is_turned),
         cmocka_unit_test(test_nobody_collides_who_is_slower_beside_or_behind),

@@ -179,6 +179,44 @@ static void test_who_drives_off_the_end_of_the_road_leaves(void** state)
     close_stage(&self);
 }
 
+/// Vehicle 1 drives straight on at 10 m/s from its start, with this heading.
+static const world_vehicle* send_off(stage* self, double heading)
+{
+    world_vehicle* vehicle = &self->world.vehicles[0];
+    vehicle->state.heading = heading;
+    verge_vehicle_plan plan = { .vehicle_id = 1, .point_count = 31 };
+    for (uint32_t i = 0; i < plan.point_count; i++) {
+        plan.points[i] = (verge_point){ .t = i, .x = 20.0 + 10.0 * i * cos(heading), .speed = 10.0,
+                                        .y = 10.0 * i * sin(heading), .heading = heading };
+    }
+    world_follow(&self->world, &plan, 0.0);
+    return vehicle;
+}
+
+static void test_off_the_road_is_on_no_lane_and_not_past_its_end(void** state)
+{
+    (void)state;
+    const double headings[] = { 0.0, 0.2, -0.2, -1.5 };
+    for (uint32_t i = 0; i < 4; i++) {
+        stage self;
+        open_stage(&self);
+        const world_vehicle* vehicle = send_off(&self, headings[i]);
+        while (vehicle->present && self.world.tick < 200) {
+            const bool on_lane = vehicle->state.y >= -2.0 && vehicle->state.y <= 6.0;
+            assert_int_equal(vehicle->off_road, !on_lane);
+            world_advance(&self.world);
+        }
+        // Who passes the end of the road beside it left the road before.
+        assert_int_equal(vehicle->off_road, i != 0);
+        assert_int_equal(vehicle->left, i < 3);
+        close_stage(&self);
+    }
+    stage self;
+    open_stage(&self);
+    assert_false(self.world.vehicles[1].off_road); // not there yet is not off the road
+    close_stage(&self);
+}
+
 static void test_the_action_of_a_tick_is_the_step_active_then(void** state)
 {
     (void)state;
@@ -212,6 +250,7 @@ int main(void)
         cmocka_unit_test(test_a_cancelled_plan_ends_in_standstill_on_the_lane),
         cmocka_unit_test(test_a_recorded_vehicle_is_there_from_its_first_row_to_its_last),
         cmocka_unit_test(test_who_drives_off_the_end_of_the_road_leaves),
+        cmocka_unit_test(test_off_the_road_is_on_no_lane_and_not_past_its_end),
         cmocka_unit_test(test_the_action_of_a_tick_is_the_step_active_then),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

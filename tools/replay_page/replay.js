@@ -902,6 +902,7 @@ const METRICS = {
   max_abs_acceleration: ["Largest acceleration", "m/s²", 2],
   max_abs_jerk: ["Largest jerk", "m/s³", 2], max_abs_curvature: ["Largest curvature", "1/m", 4],
   nodes_mean: ["Nodes a cycle, mean", "", 0], collisions_human: ["Contacts among humans", "", 0],
+  off_road: ["Off the road at the end", "", 0], standing: ["Standing at the end", "", 0],
   cycle_ms: ["Planning a cycle, median", "ms", 1],
 };
 
@@ -925,7 +926,7 @@ function showMetrics() {
   const entries = [];
   if ("success" in metrics) {
     entries.push(["Success", metrics.success ? "yes" : "no", metrics.success ? "good" : "bad",
-      "every intention reached, no contact"]);
+      "every intention reached, no contact, none off the road or standing without a cause"]);
   }
   for (const [key, name] of [["collisions", "Collisions"], ["fallbacks", "Fallbacks"]]) {
     if (key in metrics) {
@@ -951,13 +952,19 @@ function showSummary() {
   box.append(words.join(" · "));
   const add = (text, good) => box.append(" · ",
     make("span", { className: good ? "good" : "bad", textContent: text }));
-  if ("success" in metrics && (metrics.success || !metrics.collisions)) {
-    add(metrics.success ? "every intention reached" : "not every intention reached",
-      metrics.success);
+  if ("reached_time" in metrics) {
+    const reached = Object.values(metrics.reached_time).every((time) => time !== null)
+      || Object.keys(metrics.reached_time).length === 1; // the mean alone: nobody changes lanes
+    add(reached ? "every intention reached" : "not every intention reached", reached);
   }
   if ("collisions" in metrics) {
     add(metrics.collisions ? plural(metrics.collisions, "collision") : "no collision",
       !metrics.collisions);
+  }
+  for (const [key, text] of [["off_road", "off the road"], ["standing", "standing"]]) {
+    if (metrics[key]) {
+      add(`${metrics[key]} ${text} at the end`, false);
+    }
   }
 }
 

@@ -297,12 +297,17 @@ def buses_that_strangers_can_reach_are_warned_of(rig):
         subprocess.run("ip route del 224.0.0.0/4; ip route add 224.0.0.0/4 dev ours", shell=True,
                        check=True)
         try:
-            error = rig.run(rig.bin / "verge-rsu", "--config", rig.config(bus=plain),
-                            "--check-config")[2]
+            told = {bus: rig.run(rig.bin / "verge-rsu", "--config", rig.config(bus=bus),
+                                 "--check-config")[2] for bus in (plain, far)}
         finally:
             subprocess.run("ip route del 224.0.0.0/4; ip route add 224.0.0.0/4 dev lo; "
                            "ip link del ours", shell=True, check=True)
-        check("warning" in error and "lcm.keys" in error, f"a network's route: {error!r}")
+        for bus, error in told.items():
+            check("warning" in error and "lcm.keys" in error and "routed to ours" in error and
+                  "ip route add 239.255.76.67 dev lo" in error, f"a network's route: {error!r}")
+        # What is so already is no advice.
+        check("ttl=0 and" in told[far] and "ttl=0 and" not in told[plain] and
+              "ttl=0 keeps only" in told[plain], f"advice: {told}")
     return None if two else "ok, but without a second interface"
 
 

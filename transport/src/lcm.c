@@ -415,20 +415,23 @@ static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet)
     return true;
 }
 
-/// Does the kernel's way to the group stay on loopback, or is there none? The longest prefix of
-/// the main table decides. (The source address the kernel would choose tells nothing: on loopback
-/// it takes that of any interface.)
-static bool stays_here(const struct sockaddr_in* group)
+enum { INTERFACE_SIZE = 32 };
+
+/// The interface to which the kernel routes the group; "lo" where nothing is routed. The longest
+/// prefix of the main table decides. (The source address the kernel would choose tells nothing: on
+/// loopback it takes that of any interface.)
+static void interface_of(const struct sockaddr_in* group, char best[INTERFACE_SIZE])
 {
     FILE* table = fopen("/proc/self/net/route", "re");
-    char  line[256], name[32], best[32] = "lo";
+    char  line[256], name[INTERFACE_SIZE];
     unsigned target, mask, best_mask = 0;
     bool     found = false;
+    snprintf(best, INTERFACE_SIZE, "lo");
     while (table != NULL && fgets(line, sizeof line, table) != NULL) {
         // Iface Destination Gateway Flags RefCnt Use Metric Mask ..., addresses as in memory
         if (sscanf(line, "%31s %8x %*s %*s %*s %*s %*s %8x", name, &target, &mask) == 3 &&
             (group->sin_addr.s_addr & mask) == target && (!found || ntohl(mask) > best_mask)) {
-            memcpy(best, name, sizeof best);
+            memcpy(best, name, INTERFACE_SIZE);
             best_mask = ntohl(mask);
             found = true;
         }
@@ -436,7 +439,6 @@ static bool stays_here(const struct sockaddr_in* group)
     if (table != NULL) {
         fclose(table);
     }
-    return strcmp(best, "lo") == 0;
 }
 
 static bool lcm_secured(const transport_options* options)
@@ -444,23 +446,34 @@ static bool lcm_secured(const transport_options* options)
     return options->lcm_auth != NULL && options->lcm_auth->key_count > 0;
 }
 
-/// A ttl of 0 keeps our own datagrams here; whom we hear is the route's business.
+/// Two things are needed for a bus on this machine alone: a ttl of 0, which keeps our datagrams
+/// here, and a route to the group on loopback, without which we hear the network's.
 static bool lcm_exposed(const char* rest, const transport_options* options, char* words,
                         size_t words_size)
 {
     target to;
+    char   interface[INTERFACE_SIZE], address[INET_ADDRSTRLEN];
     if (!target_parse(&to, rest) || lcm_secured(options)) {
         return false;
     }
-    const bool here = stays_here(&to.group);
-    if (to.ttl == 0 && here) {
-        return false;
+    interface_of(&to.group, interface);
+    const bool here = strcmp(interface, "lo") == 0;
+    inet_ntop(AF_INET, &to.group.sin_addr, address, sizeof address);
+    if (here && to.ttl > 0) {
+        snprintf(words, words_size,
+                 "lcm:%s: messages are not signed, and ttl=%u lets them leave this machine wherever "
+                 "%s is routed to a network; set lcm.keys and lcm.sign_with, or ttl=0, or use "
+                 "secured DDS", rest, to.ttl, address);
+    } else if (!here) {
+        snprintf(words, words_size,
+                 "lcm:%s: messages are not signed, and %s is routed to %s: whoever is on that "
+                 "network can speak as any vehicle%s; set lcm.keys and lcm.sign_with, or keep the "
+                 "bus on this machine (%sip route add %s dev lo), or use secured DDS",
+                 rest, address, interface,
+                 to.ttl == 0 ? " (ttl=0 keeps only our own messages here)" : "",
+                 to.ttl == 0 ? "" : "ttl=0 and ", address);
     }
-    snprintf(words, words_size,
-             "lcm:%s: messages are not signed and %s: who is there can speak as any vehicle; set "
-             "lcm.keys and lcm.sign_with, or keep it on loopback with ttl=0, or use secured DDS",
-             rest, here ? "may leave this machine (ttl)" : "the route to the group is a network's");
-    return true;
+    return !here || to.ttl > 0;
 }
 
 /// Takes the signature off a good message.

@@ -7,6 +7,7 @@
 #include "codec.h"
 #include "rng.h"
 #include "verge/inbox.h"
+#include "verge/message.h"
 
 #include <arpa/inet.h>
 #include <math.h>
@@ -45,7 +46,8 @@ static size_t frame(uint8_t* datagram, const char* channel, const uint8_t* paylo
 static size_t good_frame(uint8_t* datagram, int32_t id)
 {
     uint8_t                     bytes[CODEC_SIZE_MAX];
-    const verge_vehicle_state_t state = car(id);
+    verge_vehicle_state_t state = car(id);
+    state.crc32 = (int32_t)message_crc32(TRANSPORT_STATE, &state);
     return frame(datagram, "VERGE_STATE", bytes, codec_encode(TRANSPORT_STATE, &state, bytes));
 }
 

@@ -4,6 +4,7 @@
 #include "check.h"
 #include "codec.h"
 #include "rng.h"
+#include "verge/message.h"
 #include "verge/wire.h"
 
 #include <math.h>
@@ -101,8 +102,10 @@ static void test_crc32_is_that_of_zlib(void** state)
 
 static void check_encoding(transport_kind kind, const void* value, const writer* fields)
 {
-    uint8_t      bytes[CODEC_SIZE_MAX];
-    const size_t size = codec_encode(kind, value, bytes);
+    static transport_message sealed;
+    uint8_t                  bytes[CODEC_SIZE_MAX];
+    message_seal(kind, value, &sealed.as);
+    const size_t size = codec_encode(kind, &sealed.as, bytes);
 
     assert_int_equal(size, 8 + fields->size + 4);
     assert_memory_equal(bytes + 8, fields->bytes, fields->size);
@@ -194,9 +197,10 @@ static void test_decoding_returns_what_was_encoded(void** state)
     transport_message message;
 
     verge_vehicle_plan_t plan = good_plan();
+    plan.crc32 = 0x12345678;
     size_t size = codec_encode(TRANSPORT_PLAN, &plan, bytes);
     assert_true(codec_decode(TRANSPORT_PLAN, bytes, size, &message));
-    plan.crc32 = message.as.plan.crc32;
+    assert_int_equal(message.as.plan.crc32, 0x12345678);
     assert_memory_equal(&message.as.plan.points, &plan.points, sizeof plan.points);
     assert_int_equal(message.as.plan.digest, plan.digest);
     assert_int_equal(message.as.plan.actions[9].t1_ms, 5000);
@@ -209,21 +213,54 @@ static void test_decoding_returns_what_was_encoded(void** state)
     assert_int_equal(message.as.mark.overrun, 1);
 }
 
+/// The checksum is taken over the fields of the struct, without encoding it. On LCM others take it
+/// over the bytes. Any bits may be in the fields and in the padding between them.
+static void test_the_checksum_of_the_fields_is_that_of_the_bytes(void** state)
+{
+    (void)state;
+    static transport_message message, sealed, other;
+    test_rng                 rng = test_rng_seeded("checksum");
+    for (uint32_t round = 0; round < test_rounds(3000); ++round) {
+        const transport_kind kind = TRANSPORT_STATE + round % 3;
+        uint8_t              bytes[CODEC_SIZE_MAX];
+        for (size_t i = 0; i < sizeof message.as; ++i) {
+            ((uint8_t*)&message.as)[i] = (uint8_t)test_rng_next(&rng);
+        }
+        message_seal(kind, &message.as, &sealed.as);
+        const size_t size = codec_encode(kind, &sealed.as, bytes);
+        assert_int_equal(codec_get_u32(bytes + size - 4), crc32_by_bits(bytes + 8, size - 12));
+        assert_int_equal(message_crc32(kind, &message.as), codec_get_u32(bytes + size - 4));
+        assert_true(message_is_whole(kind, &sealed.as));
+        // The padding is gone: what was decoded into zero bytes is the same memory.
+        memset(&other, 0, sizeof other);
+        assert_true(codec_decode(kind, bytes, size, &other));
+        assert_memory_equal(&other.as, &sealed.as, message_of(kind)->size);
+    }
+}
+
+static bool arrives_whole(const uint8_t* bytes, size_t size)
+{
+    transport_message message;
+    return codec_decode(TRANSPORT_STATE, bytes, size, &message) &&
+           message_is_whole(TRANSPORT_STATE, &message.as);
+}
+
 static void test_any_flipped_bit_and_any_other_length_is_refused(void** state)
 {
     (void)state;
-    const verge_vehicle_state_t good = good_state();
-    uint8_t                     bytes[CODEC_SIZE_MAX + 8] = { 0 };
-    transport_message           message;
+    verge_vehicle_state_t good = good_state();
+    uint8_t               bytes[CODEC_SIZE_MAX + 8] = { 0 };
+    transport_message     message;
+    good.crc32 = (int32_t)message_crc32(TRANSPORT_STATE, &good);
     const size_t size = codec_encode(TRANSPORT_STATE, &good, bytes);
 
     for (size_t bit = 0; bit < 8 * size; ++bit) {
         bytes[bit / 8] ^= (uint8_t)(1u << bit % 8);
-        assert_false(codec_decode(TRANSPORT_STATE, bytes, size, &message));
+        assert_false(arrives_whole(bytes, size));
         bytes[bit / 8] ^= (uint8_t)(1u << bit % 8);
     }
     for (size_t other = 0; other < sizeof bytes; ++other) {
-        assert_int_equal(codec_decode(TRANSPORT_STATE, bytes, other, &message), other == size);
+        assert_int_equal(arrives_whole(bytes, other), other == size);
     }
     assert_false(codec_decode(TRANSPORT_PLAN, bytes, size, &message));
 }
@@ -557,6 +594,7 @@ int main(void)
         cmocka_unit_test(test_a_plan_is_the_contracts_fields_in_order),
         cmocka_unit_test(test_every_message_fits_one_datagram),
         cmocka_unit_test(test_decoding_returns_what_was_encoded),
+        cmocka_unit_test(test_the_checksum_of_the_fields_is_that_of_the_bytes),
         cmocka_unit_test(test_any_flipped_bit_and_any_other_length_is_refused),
         cmocka_unit_test(test_every_field_of_a_state_is_held_to_its_range),
         cmocka_unit_test(test_every_field_of_a_plan_is_held_to_its_range),

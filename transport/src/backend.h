@@ -1,19 +1,71 @@
-/// What a bus has to be able to do for transport.c: move (channel, payload) pairs.
+/// What a bus has to do for transport.c. This page is for the author of a new one, such as Zenoh or
+/// MQTT; loop.c is the shortest example, lcm.c speaks a protocol of bytes, dds.c uses a middleware.
 ///
-/// Encoding, checking, filtering by channel and most counting happen above it, once for all.
-/// A backend allocates in open() only. take() and send() may be called by two threads at a time
-/// (one each), so what they share is atomic.
+/// A backend moves typed messages. It receives a transport_message to send and fills one when it
+/// takes one; how the message travels (LCM's encoding, CDR, JSON) is its own business. What is the
+/// same on every bus is in transport.c: URLs, checksums, the counters of what was received and
+/// published. Above it, inbox.c decides on ranges, age, order and identity.
+///
+/// Ownership   open() allocates whatever the bus needs, close() frees it. Between them the
+///             backend's own code does not allocate, so that a cycle of the daemon does not. Where
+///             the middleware allocates, say so in transport.h. Strings and arrays of the options,
+///             and the URL, live until open() returns: copy what is needed later. `counts` lives
+///             until close() returns.
+/// Messages    send() gets a sealed message: every field is set, padding is zero, crc32 is right.
+///             It must not keep the pointer. take() fills kind, the struct of this kind in `as`,
+///             sender and arrival_utime; all of it is the caller's then. crc32 is carried as it was
+///             sent: transport.c compares it with the fields and counts what was changed on its way
+///             as malformed. Fields are otherwise not looked at here.
+/// Threads     take() is called by one thread at a time and send() by one thread at a time, but
+///             these may be two threads: what both use is atomic or guarded. Threads of a
+///             middleware may fill a queue of the backend; they must not call options->log (see
+///             complaints.h, which passes their lines to the thread that takes).
+/// Blocking    take() never waits. send() returns within about 5 ms even if the network is gone or
+///             a receiver is slow: drop the message, count it and return -1. open() may take
+///             seconds.
+/// Polling     fd() is readable while a message waits, and may be readable when none does: the
+///             caller polls it, then takes until TAKE_NOTHING. It stays the same descriptor from
+///             open() to close(), over every reconnection. Where the middleware has no descriptor,
+///             use an eventfd that its threads write to; clear it before the last look at the
+///             queue, so that what arrives in between raises it again (dds_bus_take()).
+/// Loss        States are replaced every 0.1 s: deliver the newest, give up the oldest. Plans are
+///             worth sending again until they are 3 s old. Statuses should also reach a program
+///             that starts later. What was given up is counted in `dropped`, at either end.
+/// Recovery    open() fails where the bus cannot work now (TRANSPORT_UNAVAILABLE) or never will
+///             with this URL and these options (TRANSPORT_BAD_URL); the daemon then ends. Once
+///             open, a bus does not fail: it counts in `errors`, tries again by itself at least
+///             once a second, and recovers. take() is called once a second even when nothing waits;
+///             that is the place.
+/// Senders     message->sender tells two senders of a bus apart and stays the same while a sender
+///             lives: an address, a writer's handle, a session id. The inbox gives a vehicle's id
+///             to its first sender, so a number that several senders share disables that
+///             protection. 0: not known. sender_text() makes of it what the tools of the bus show.
+/// Security    exposed() tells whether strangers can hear the bus or speak on it, in words that say
+///             what to do about it: verge-rsu warns at start. secured() tells whether the options
+///             ask for signatures or certificates, expires() when these end. A message of a sender
+///             that is not admitted is counted in `refused` by its cause and reported with its
+///             sender's address. Bytes from the network are never trusted: check lengths before
+///             use, let no length in a message decide on an allocation, and let a stranger fill no
+///             memory (a limit for instances, topics, sessions).
+/// Errors      open() writes one line to `error` that names the URL or the option, what is wrong
+///             and what was expected or can be done. Later trouble goes through complaints.h: a
+///             line for each cause, rate-limited.
+/// Counters    The backend counts `malformed` (no message of ours, wrong length, wrong type),
+///             `foreign` (well-formed, but of a kind not in `receive`), `dropped`, `errors` of
+///             receiving, `lost` and `refused`. transport.c counts `received`, `published`, wrong
+///             checksums and failed sends.
+/// Time        arrival_utime stays 0, for the time of the clock; a bus that replays a recording
+///             sets the event's own. send()'s utime is for a bus that records (keeps_time).
+///
+/// To add one: a file with its `const backend`, its line in the list of transport.c, its sources
+/// and library in CMakeLists.txt, a row in the fixtures of tests/transport/test_backends.c, which
+/// then runs every claim about buses against it.
 #ifndef BACKEND_H
 #define BACKEND_H
 
 #include "verge/transport.h"
 
 #include <stdatomic.h>
-
-/// LCM's own limit for a channel name, without its terminator. [B]
-enum { CHANNEL_SIZE_MAX = 63 };
-/// What one Ethernet frame of 1,500 bytes leaves for a UDP payload over IPv4. [B]
-enum { DATAGRAM_SIZE_MAX = 1472 };
 
 /// The bits of `receive` that ask for messages.
 enum {
@@ -31,37 +83,30 @@ static inline void count_up(atomic_uint_fast64_t* counter, uint64_t by)
     atomic_fetch_add_explicit(counter, by, memory_order_relaxed);
 }
 
-/// One taken event. The payload stays valid until the next take().
-typedef struct packet {
-    int64_t        utime; ///< [us] the event's own time, 0: the bus has none
-    uint64_t       sender; ///< who sent it, 0: the bus does not know
-    char           channel[CHANNEL_SIZE_MAX + 1];
-    const uint8_t* payload;
-    size_t         size;
-    bool           truncated; ///< longer than any message of ours; payload holds its beginning
-} packet;
-
 typedef enum take_result {
     TAKE_NOTHING, ///< nothing waits
-    TAKE_PACKET,
-    TAKE_REFUSED, ///< something came that is no event; the backend has counted it
+    TAKE_MESSAGE,
+    TAKE_REFUSED, ///< something came that is no message for us; the backend has counted it
 } take_result;
 
+/// A null function does what its comment says.
 typedef struct backend {
     const char* scheme; ///< "lcm:", what a URL of this bus begins with
-    /// rest is the URL behind the scheme; options is never null. Returns a transport_result;
-    /// *self is null on failure.
+    /// rest is the URL behind the scheme; options is never null; receive has the bits of
+    /// TRANSPORT_STATES and its like. Returns a transport_result; *self is null on failure.
     int  (*open)(void** self, const char* rest, unsigned receive,
                  const transport_options* options, counters* counts, char* error,
                  size_t error_size);
     void (*close)(void* self);
+    /// For poll(). Null: -1, always ready.
     int  (*fd)(const void* self);
+    /// Nothing more will come. Null: never.
     bool (*ended)(const void* self);
-    take_result (*take)(void* self, packet* packet);
+    /// sender, bus and arrival_utime are 0 on entry. On TAKE_MESSAGE the kind is one of `receive`.
+    take_result (*take)(void* self, transport_message* message);
     /// utime is the event's own time where the bus records one. 0 or -1.
-    int  (*send)(void* self, int64_t utime, const char* channel, const uint8_t* payload,
-                size_t size);
-    /// A sender in words; null: as a number.
+    int  (*send)(void* self, int64_t utime, const transport_message* message);
+    /// A sender in words. Null: as a hexadecimal number.
     void (*sender_text)(const void* self, uint64_t sender, char* text, size_t size);
     /// As transport_exposed(). Null: never.
     bool (*exposed)(const char* rest, const transport_options* options, char* words,

@@ -3,15 +3,13 @@
 #include <assert.h>
 #include <string.h>
 
-enum { CRC_SIZE = 4 };
-
 static const uint64_t mark_fingerprint = 0x56455247454d524bu; // "VERGEMRK"
 
 static int      encode_fields(transport_kind kind, const void* value, uint8_t* bytes, int size);
 static int      decode_fields(const uint8_t* bytes, int size, transport_message* message);
 static void     encode_mark(const transport_mark* mark, uint8_t* bytes);
 static bool     decode_mark(const uint8_t* bytes, transport_mark* mark);
-static uint32_t checksum(const uint8_t* bytes, size_t size);
+static uint32_t mark_crc32(const uint8_t* bytes);
 
 const char* codec_channel(transport_kind kind)
 {
@@ -49,13 +47,6 @@ size_t codec_size(transport_kind kind)
 
 size_t codec_encode(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX])
 {
-    const size_t size = codec_encode_as_is(kind, value, bytes);
-    codec_put_u32(bytes + size - CRC_SIZE, checksum(bytes, size));
-    return size;
-}
-
-size_t codec_encode_as_is(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX])
-{
     const size_t size = codec_size(kind);
     const int    written = encode_fields(kind, value, bytes, (int)size);
     assert(written == (int)size); // the schema and the sizes in codec.h belong together
@@ -69,9 +60,6 @@ bool codec_decode(transport_kind kind, const uint8_t* bytes, size_t size,
     if (kind == TRANSPORT_NONE || size != codec_size(kind)) {
         return false;
     }
-    if (codec_get_u32(bytes + size - CRC_SIZE) != checksum(bytes, size)) {
-        return false;
-    }
     message->kind = kind;
     return decode_fields(bytes, (int)size, message) == (int)size;
 }
@@ -82,7 +70,6 @@ void codec_prepare(void)
 #include "messages.def"
 }
 
-/// Everything, with the crc32 the struct holds.
 static int encode_fields(transport_kind kind, const void* value, uint8_t* bytes, int size)
 {
     switch (kind) {
@@ -114,6 +101,7 @@ static void encode_mark(const transport_mark* mark, uint8_t* bytes)
     codec_put_u64(bytes + 8, (uint64_t)mark->utime);
     codec_put_u64(bytes + 16, (uint64_t)mark->cycle);
     codec_put_u32(bytes + 24, (uint32_t)mark->overrun);
+    codec_put_u32(bytes + 28, mark_crc32(bytes));
 }
 
 static bool decode_mark(const uint8_t* bytes, transport_mark* mark)
@@ -121,12 +109,13 @@ static bool decode_mark(const uint8_t* bytes, transport_mark* mark)
     mark->utime = (int64_t)codec_get_u64(bytes + 8);
     mark->cycle = (int64_t)codec_get_u64(bytes + 16);
     mark->overrun = (int32_t)codec_get_u32(bytes + 24);
-    return codec_get_u64(bytes) == mark_fingerprint;
+    return codec_get_u64(bytes) == mark_fingerprint &&
+           codec_get_u32(bytes + 28) == mark_crc32(bytes);
 }
 
-static uint32_t checksum(const uint8_t* bytes, size_t size)
+static uint32_t mark_crc32(const uint8_t* bytes)
 {
-    return transport_crc32(bytes + CODEC_FINGERPRINT_SIZE, size - CODEC_FINGERPRINT_SIZE - CRC_SIZE);
+    return transport_crc32(bytes + CODEC_FINGERPRINT_SIZE, 28 - CODEC_FINGERPRINT_SIZE);
 }
 
 void codec_put_u32(uint8_t* bytes, uint32_t value)
@@ -152,23 +141,4 @@ uint32_t codec_get_u32(const uint8_t* bytes)
 uint64_t codec_get_u64(const uint8_t* bytes)
 {
     return (uint64_t)codec_get_u32(bytes) << 32 | codec_get_u32(bytes + 4);
-}
-
-/// Four bits at a time: sixteen constants instead of 256, and 1.3 KB still take microseconds.
-/// remainder_of[n] is the CRC of the nibble n: four shifts right of n, folding 0xEDB88320 in.
-uint32_t transport_crc32(const void* bytes, size_t size)
-{
-    static const uint32_t remainder_of[16] = {
-        0x00000000u, 0x1db71064u, 0x3b6e20c8u, 0x26d930acu, 0x76dc4190u, 0x6b6b51f4u,
-        0x4db26158u, 0x5005713cu, 0xedb88320u, 0xf00f9344u, 0xd6d6a3e8u, 0xcb61b38cu,
-        0x9b64c2b0u, 0x86d3d2d4u, 0xa00ae278u, 0xbdbdf21cu,
-    };
-    const uint8_t* byte = bytes;
-    uint32_t       crc = 0xffffffffu;
-    for (size_t i = 0; i < size; ++i) {
-        crc ^= byte[i];
-        crc = crc >> 4 ^ remainder_of[crc & 15u];
-        crc = crc >> 4 ^ remainder_of[crc & 15u];
-    }
-    return ~crc;
 }

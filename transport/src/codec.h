@@ -1,4 +1,4 @@
-/// Messages to bytes and back: the encoding of transport/types/verge.lcm with its checksum.
+/// Messages to bytes and back: the encoding of transport/types/verge.lcm, for LCM and its logs.
 ///
 /// Bytes       8-byte fingerprint of the type, fields big-endian, crc32 (verge.lcm says over what).
 /// Memory      The caller's buffers only: the generated coders of fixed arrays allocate nothing.
@@ -45,11 +45,11 @@ const char* codec_channel(transport_kind kind);
 transport_kind codec_kind(const char* channel);
 size_t codec_size(transport_kind kind);
 
-/// Encodes the struct of this kind with its crc32. Returns codec_size(kind).
+/// Encodes the struct of this kind, a message with the crc32 it holds, right or wrong, a mark with
+/// its own. Returns codec_size(kind).
 size_t codec_encode(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX]);
-/// The same with the crc32 the struct holds, right or wrong.
-size_t codec_encode_as_is(transport_kind kind, const void* value, uint8_t bytes[CODEC_SIZE_MAX]);
-/// Fills message->kind and message->as. False unless size, fingerprint and crc32 are all right.
+/// Fills message->kind and message->as. False unless size and fingerprint are right, and of a mark
+/// its crc32. A message's crc32 is for message_is_whole() to check.
 bool codec_decode(transport_kind kind, const uint8_t* bytes, size_t size,
                   transport_message* message);
 

@@ -68,8 +68,6 @@ typedef struct dds {
     bool         is_down[DDS_INTERFACES_MAX]; ///< as told
     uint32_t     interface_count;
     complaints   complaints;
-    transport_message taken;
-    uint8_t      bytes[CODEC_SIZE_MAX];
 } dds;
 
 /// One bus is opened or closed at a time. Not `lock`: Cyclone's threads speak while one waits.
@@ -218,12 +216,6 @@ static int dds_bus_fd(const void* self)
     return ((const dds*)self)->fd;
 }
 
-static bool dds_bus_ended(const void* self)
-{
-    (void)self;
-    return false;
-}
-
 /// The GUID as DDS tools print it; the bare handle of a writer that has left.
 static void dds_bus_sender_text(const void* self, uint64_t sender, char* text, size_t size)
 {
@@ -275,9 +267,9 @@ static bool dds_bus_expires(const transport_options* options, int64_t* utime, ch
 // ---- moving messages ----------------------------------------------------------------------
 
 /// One sample of one kind. What is no message (a writer's farewell) is passed over.
-static bool sample_take(dds* self, transport_kind kind, packet* packet)
+static bool sample_take(dds* self, transport_kind kind, transport_message* message)
 {
-    void*             samples[1] = { &self->taken.as };
+    void*             samples[1] = { &message->as };
     dds_sample_info_t info;
     for (;;) {
         const int count = dds_take(self->readers[kind], samples, &info, 1, 1);
@@ -294,20 +286,16 @@ static bool sample_take(dds* self, transport_kind kind, packet* packet)
             break;
         }
     }
-    packet->utime = 0;
-    packet->sender = info.publication_handle;
-    packet->truncated = false;
-    strcpy(packet->channel, codec_channel(kind));
-    packet->payload = self->bytes;
-    packet->size = codec_encode_as_is(kind, &self->taken.as, self->bytes);
+    message->kind = kind;
+    message->sender = info.publication_handle;
     return true;
 }
 
-static bool any_take(dds* self, packet* packet)
+static bool any_take(dds* self, transport_message* message)
 {
     for (uint32_t i = 0; i < KINDS; ++i) {
         const uint32_t kind = (self->turn + i) % KINDS;
-        if (self->readers[kind] > 0 && sample_take(self, (transport_kind)kind, packet)) {
+        if (self->readers[kind] > 0 && sample_take(self, (transport_kind)kind, message)) {
             self->turn = kind + 1;
             return true;
         }
@@ -316,38 +304,33 @@ static bool any_take(dds* self, packet* packet)
 }
 
 /// The descriptor is lowered before the last look: what arrives in between raises it again.
-static take_result dds_bus_take(void* self, packet* packet)
+static take_result dds_bus_take(void* self, transport_message* message)
 {
     dds* mine = self;
     interfaces_watch(mine);
     complaints_tell(&mine->complaints, backend_now_s());
-    if (any_take(mine, packet)) {
-        return TAKE_PACKET;
+    if (any_take(mine, message)) {
+        return TAKE_MESSAGE;
     }
     if (atomic_load(&mine->full)) {
         readers_renew(mine);
     }
     uint64_t readings;
     (void)!read(mine->fd, &readings, sizeof readings);
-    return any_take(mine, packet) ? TAKE_PACKET : TAKE_NOTHING;
+    return any_take(mine, message) ? TAKE_MESSAGE : TAKE_NOTHING;
 }
 
-static int dds_bus_send(void* self, int64_t utime, const char* channel, const uint8_t* payload,
-                        size_t size)
+static int dds_bus_send(void* self, int64_t utime, const transport_message* message)
 {
     (void)utime;
     dds*                 mine = self;
-    transport_message    message = { 0 }; // Cyclone sends the padding between fields, too
-    const transport_kind kind = codec_kind(channel);
-    if (dds_type_of(kind) == NULL || !codec_decode(kind, payload, size, &message)) {
+    const transport_kind kind = message->kind;
+    if (dds_type_of(kind) == NULL || (mine->writers[kind] == 0 && writer_open(mine, kind) != 0)) {
         return -1;
     }
-    if (mine->writers[kind] == 0 && writer_open(mine, kind) != 0) {
-        return -1;
-    }
-    const int result = dds_write(mine->writers[kind], &message.as);
-    if (kind == TRANSPORT_PLAN && message.as.plan.status == VERGE_CANCELLED) {
-        (void)dds_unregister_instance(mine->writers[kind], &message.as);
+    const int result = dds_write(mine->writers[kind], &message->as);
+    if (kind == TRANSPORT_PLAN && message->as.plan.status == VERGE_CANCELLED) {
+        (void)dds_unregister_instance(mine->writers[kind], &message->as);
     }
     return result == 0 ? 0 : -1;
 }
@@ -726,7 +709,6 @@ const backend backend_dds = {
     .open = dds_bus_open,
     .close = dds_bus_close,
     .fd = dds_bus_fd,
-    .ended = dds_bus_ended,
     .take = dds_bus_take,
     .send = dds_bus_send,
     .sender_text = dds_bus_sender_text,

@@ -20,6 +20,7 @@
 #include "codec.h"
 #include "complaints.h"
 #include "lcm_auth.h"
+#include "lcm_event.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -35,7 +36,7 @@
 enum {
     HEADER_SIZE = 8,                 // magic, sequence
     RECEIVE_BUFFER_SIZE = 1 << 20,   // [B] of the kernel: 700 datagrams wait while we plan
-    ROOM = DATAGRAM_SIZE_MAX + 64,   // [B] more than any message of ours in its frame
+    ROOM = LCM_DATAGRAM_SIZE_MAX + 64,   // [B] more than any message of ours in its frame
 };
 static const uint32_t magic_single = 0x4c433032; // "LC02"
 
@@ -70,9 +71,9 @@ static int  group_join(int fd, const target* to);
 static void explain(char* error, size_t error_size, const char* url, int cause);
 static void receiver_mend(lcm* self, bool broken);
 static void count_lost(lcm* self, struct msghdr* message);
-static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet);
-static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet* packet);
-static void complain(lcm* self, transport_refusal refusal, const packet* packet);
+static bool frame_parse(const uint8_t* bytes, size_t size, lcm_event* event);
+static transport_refusal judge(lcm* self, const struct sockaddr_in* from, lcm_event* event);
+static void complain(lcm* self, transport_refusal refusal, uint64_t sender);
 
 static int lcm_open(void** self, const char* rest, unsigned receive,
                     const transport_options* options, counters* counts, char* error,
@@ -136,13 +137,7 @@ static int lcm_fd(const void* self)
     return ((const lcm*)self)->receive_fd;
 }
 
-static bool lcm_ended(const void* self)
-{
-    (void)self;
-    return false;
-}
-
-static take_result lcm_take(void* self, packet* packet)
+static take_result lcm_take(void* self, transport_message* message)
 {
     lcm* mine = self;
     if (mine->receive_fd < 0) {
@@ -151,7 +146,7 @@ static take_result lcm_take(void* self, packet* packet)
     char          control[CMSG_SPACE(sizeof(uint32_t))];
     struct iovec  part = { .iov_base = mine->datagram, .iov_len = sizeof mine->datagram };
     struct sockaddr_in from = { 0 };
-    struct msghdr message = {
+    struct msghdr datagram = {
         .msg_name = &from,
         .msg_namelen = sizeof from,
         .msg_iov = &part,
@@ -160,7 +155,7 @@ static take_result lcm_take(void* self, packet* packet)
         .msg_controllen = sizeof control,
     };
     complaints_tell(&mine->complaints, backend_now_s());
-    const ssize_t size = recvmsg(mine->receive_fd, &message, MSG_DONTWAIT);
+    const ssize_t size = recvmsg(mine->receive_fd, &datagram, MSG_DONTWAIT);
     if (size < 0) {
         const bool idle = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
         if (!idle) {
@@ -169,29 +164,29 @@ static take_result lcm_take(void* self, packet* packet)
         receiver_mend(mine, !idle);
         return TAKE_NOTHING;
     }
-    count_lost(mine, &message);
-    packet->utime = 0;
-    packet->sender = (uint64_t)ntohl(from.sin_addr.s_addr) << 16 | ntohs(from.sin_port);
-    packet->truncated = (message.msg_flags & MSG_TRUNC) != 0;
-    if (!frame_parse(mine->datagram, (size_t)size, packet)) {
+    count_lost(mine, &datagram);
+    lcm_event event = { .truncated = (datagram.msg_flags & MSG_TRUNC) != 0 };
+    if (!frame_parse(mine->datagram, (size_t)size, &event)) {
         count_up(&mine->counts->malformed, 1);
         return TAKE_REFUSED;
     }
-    const transport_refusal refusal = judge(mine, &from, packet);
+    message->sender = (uint64_t)ntohl(from.sin_addr.s_addr) << 16 | ntohs(from.sin_port);
+    const transport_refusal refusal = judge(mine, &from, &event);
     if (refusal != TRANSPORT_ADMITTED) {
         count_up(&mine->counts->refused[refusal], 1);
-        complain(mine, refusal, packet);
+        complain(mine, refusal, message->sender);
         return TAKE_REFUSED;
     }
-    return TAKE_PACKET;
+    return lcm_event_read(&event, mine->receive, mine->counts, message);
 }
 
-static int lcm_send(void* self, int64_t utime, const char* channel, const uint8_t* payload,
-                    size_t size)
+static int lcm_send(void* self, int64_t utime, const transport_message* message)
 {
     (void)utime;
-    lcm*    mine = self;
-    uint8_t header[HEADER_SIZE];
+    lcm*         mine = self;
+    const char*  channel = codec_channel(message->kind);
+    uint8_t      header[HEADER_SIZE], payload[CODEC_SIZE_MAX];
+    const size_t size = codec_encode(message->kind, &message->as, payload);
     codec_put_u32(header, magic_single);
     codec_put_u32(header + 4, mine->sequence++);
 
@@ -199,20 +194,20 @@ static int lcm_send(void* self, int64_t utime, const char* channel, const uint8_
     struct iovec parts[4] = {
         { .iov_base = header, .iov_len = sizeof header },
         { .iov_base = (void*)(uintptr_t)channel, .iov_len = strlen(channel) + 1 },
-        { .iov_base = (void*)(uintptr_t)payload, .iov_len = size },
+        { .iov_base = payload, .iov_len = size },
         { .iov_base = trailer, .iov_len = 0 },
     };
     if (mine->auth.own_key != NULL) {
         lcm_auth_sign(&mine->auth, backend_utime_now(), &parts[1], 2, trailer);
         parts[3].iov_len = sizeof trailer;
     }
-    const struct msghdr message = {
+    const struct msghdr datagram = {
         .msg_name = &mine->to.group,
         .msg_namelen = sizeof mine->to.group,
         .msg_iov = parts,
         .msg_iovlen = 4,
     };
-    return sendmsg(mine->send_fd, &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0 ? -1 : 0;
+    return sendmsg(mine->send_fd, &datagram, MSG_DONTWAIT | MSG_NOSIGNAL) < 0 ? -1 : 0;
 }
 
 static void lcm_sender_text(const void* self, uint64_t sender, char* text, size_t size)
@@ -395,23 +390,23 @@ static void count_lost(lcm* self, struct msghdr* message)
     }
 }
 
-/// Is it an unfragmented LCM event? Then the packet's channel and payload point into it.
-static bool frame_parse(const uint8_t* bytes, size_t size, packet* packet)
+/// Is it an unfragmented LCM event? Then its channel and payload point into it.
+static bool frame_parse(const uint8_t* bytes, size_t size, lcm_event* event)
 {
     if (size < HEADER_SIZE + 2 || codec_get_u32(bytes) != magic_single) {
         return false;
     }
     const uint8_t* name = bytes + HEADER_SIZE;
     const size_t   room = size - HEADER_SIZE;
-    const size_t   searched = room < sizeof packet->channel ? room : sizeof packet->channel;
+    const size_t   searched = room < sizeof event->channel ? room : sizeof event->channel;
     const uint8_t* end = memchr(name, '\0', searched);
     if (end == NULL || end == name) {
         return false;
     }
     const size_t length = (size_t)(end - name);
-    memcpy(packet->channel, name, length + 1);
-    packet->payload = end + 1;
-    packet->size = room - length - 1;
+    memcpy(event->channel, name, length + 1);
+    event->payload = end + 1;
+    event->size = room - length - 1;
     return true;
 }
 
@@ -477,34 +472,34 @@ static bool lcm_exposed(const char* rest, const transport_options* options, char
 }
 
 /// Takes the signature off a good message.
-static transport_refusal judge(lcm* self, const struct sockaddr_in* from, packet* packet)
+static transport_refusal judge(lcm* self, const struct sockaddr_in* from, lcm_event* event)
 {
-    const transport_kind kind = codec_kind(packet->channel);
+    const transport_kind kind = codec_kind(event->channel);
     if (kind == TRANSPORT_NONE || (self->receive & 1u << kind) == 0) {
         return TRANSPORT_ADMITTED;
     }
     if (!lcm_auth_allows(&self->auth, ntohl(from->sin_addr.s_addr))) {
         return TRANSPORT_NOT_ALLOWED;
     }
-    if (self->auth.key_count == 0 || packet->truncated) { // the codec refuses what is truncated
+    if (self->auth.key_count == 0 || event->truncated) { // lcm_event_read() refuses the latter
         return TRANSPORT_ADMITTED;
     }
-    const uint8_t* event = self->datagram + HEADER_SIZE;
-    const size_t   size = (size_t)(packet->payload - event) + packet->size;
+    const uint8_t* bytes = self->datagram + HEADER_SIZE;
+    const size_t   size = (size_t)(event->payload - bytes) + event->size;
     const transport_refusal refusal =
-        lcm_auth_verify(&self->auth, backend_utime_now(), event, size);
+        lcm_auth_verify(&self->auth, backend_utime_now(), bytes, size);
     if (refusal == TRANSPORT_ADMITTED) {
-        packet->size -= LCM_AUTH_TRAILER_SIZE;
+        event->size -= LCM_AUTH_TRAILER_SIZE;
     }
     return refusal;
 }
 
 /// A complaint for each cause: whom it was last and what to do.
-static void complain(lcm* self, transport_refusal refusal, const packet* packet)
+static void complain(lcm* self, transport_refusal refusal, uint64_t sender)
 {
-    char line[COMPLAINT_SIZE], sender[32];
-    lcm_sender_text(NULL, packet->sender, sender, sizeof sender);
-    snprintf(line, sizeof line, "lcm: a message from %s was refused as %s: %s", sender,
+    char line[COMPLAINT_SIZE], address[32];
+    lcm_sender_text(NULL, sender, address, sizeof address);
+    snprintf(line, sizeof line, "lcm: a message from %s was refused as %s: %s", address,
              transport_refusal_name(refusal), lcm_auth_text(refusal));
     complaints_add(&self->complaints, refusal, line);
 }
@@ -514,7 +509,6 @@ const backend backend_lcm = {
     .open = lcm_open,
     .close = lcm_close,
     .fd = lcm_fd,
-    .ended = lcm_ended,
     .take = lcm_take,
     .send = lcm_send,
     .sender_text = lcm_sender_text,

@@ -14,6 +14,7 @@
 ///             dropped; the next ones are tried again.
 #include "backend.h"
 #include "codec.h"
+#include "lcm_event.h"
 #include "secret.h"
 
 #include <assert.h>
@@ -28,16 +29,17 @@
 enum {
     EVENT_HEADER_SIZE = 28,
     BUFFER_SIZE = 1 << 16,
-    PAYLOAD_ROOM = DATAGRAM_SIZE_MAX, // of longer payloads only the beginning is read
+    PAYLOAD_ROOM = LCM_DATAGRAM_SIZE_MAX, // of longer payloads only the beginning is read
 };
 static const uint32_t sync_word = 0xEDA1DA01u;
 
-static_assert(BUFFER_SIZE >= EVENT_HEADER_SIZE + CHANNEL_SIZE_MAX + PAYLOAD_ROOM,
+static_assert(BUFFER_SIZE >= EVENT_HEADER_SIZE + LCM_CHANNEL_SIZE_MAX + PAYLOAD_ROOM,
               "an event fits into an empty buffer");
 
 typedef struct log_file {
     FILE*     file;         ///< read from; null when recording
     int       fd;           ///< written to; -1 when reading
+    unsigned  receive;
     counters* counts;
     size_t    used;         ///< [B] of buffer, when recording: not in the file yet
     uint64_t  waiting;      ///< events in it
@@ -58,9 +60,10 @@ typedef struct event_header {
 
 static bool        sync_find(log_file* self);
 static take_result event_refuse(log_file* self, int64_t resume_at);
-static bool        event_read(log_file* self, int64_t start, packet* packet);
+static bool        event_read(log_file* self, int64_t start, event_header* header,
+                              lcm_event* event);
 static bool        header_read(log_file* self, int64_t start, event_header* header);
-static bool        event_body_read(log_file* self, const event_header* header, packet* packet);
+static bool        event_body_read(log_file* self, const event_header* header, lcm_event* event);
 static bool        event_holds_another(log_file* self, int64_t start, int64_t end);
 
 static bool open_to_read(log_file* self, const char* path, const char** reason);
@@ -85,6 +88,7 @@ static int log_open(void** self, const char* rest, unsigned receive,
     }
     const char* reason = NULL;
     made->fd = recording ? open_to_write(rest) : -1;
+    made->receive = receive;
     made->counts = counts;
     made->ended = recording;
     if (recording && made->fd < 0) {
@@ -149,18 +153,12 @@ static void log_close(void* self)
     free(mine);
 }
 
-static int log_fd(const void* self)
-{
-    (void)self;
-    return -1;
-}
-
 static bool log_ended(const void* self)
 {
     return ((const log_file*)self)->ended;
 }
 
-static take_result log_take(void* self, packet* packet)
+static take_result log_take(void* self, transport_message* message)
 {
     log_file* mine = self;
     if (mine->ended || !sync_find(mine)) {
@@ -168,22 +166,26 @@ static take_result log_take(void* self, packet* packet)
         return TAKE_NOTHING;
     }
     const int64_t behind_sync = ftello(mine->file);
-    if (!event_read(mine, behind_sync, packet)) {
+    event_header  header;
+    lcm_event     event;
+    if (!event_read(mine, behind_sync, &header, &event)) {
         return event_refuse(mine, behind_sync);
     }
     mine->in_garbage = false;
-    return TAKE_PACKET;
+    message->arrival_utime = header.utime;
+    return lcm_event_read(&event, mine->receive, mine->counts, message);
 }
 
-static int log_send(void* self, int64_t utime, const char* channel, const uint8_t* payload,
-                    size_t size)
+static int log_send(void* self, int64_t utime, const transport_message* message)
 {
     log_file* mine = self;
     if (mine->fd < 0) {
         errno = EBADF;
         return -1;
     }
+    const char*  channel = codec_channel(message->kind);
     const size_t length = strlen(channel);
+    const size_t size = codec_size(message->kind);
     const size_t event_size = EVENT_HEADER_SIZE + length + size;
     const bool   room = mine->used + event_size <= BUFFER_SIZE || flush(mine) == 0;
     uint8_t*     event = (uint8_t*)mine->buffer + mine->used;
@@ -193,11 +195,11 @@ static int log_send(void* self, int64_t utime, const char* channel, const uint8_
     codec_put_u32(event + 20, (uint32_t)length);
     codec_put_u32(event + 24, (uint32_t)size);
     memcpy(event + EVENT_HEADER_SIZE, channel, length);
-    memcpy(event + EVENT_HEADER_SIZE + length, payload, size);
+    codec_encode(message->kind, &message->as, event + EVENT_HEADER_SIZE + length);
     mine->event_number += 1;
     mine->used += event_size;
     mine->waiting += 1;
-    const bool cycle_ends = codec_kind(channel) == TRANSPORT_MARK;
+    const bool cycle_ends = message->kind == TRANSPORT_MARK;
     return cycle_ends && flush(mine) != 0 ? -1 : room ? 0 : -1;
 }
 
@@ -258,16 +260,15 @@ static take_result event_refuse(log_file* self, int64_t resume_at)
 }
 
 /// Reads the event whose sync word ends at start. False: it is none, or not all of it is there.
-static bool event_read(log_file* self, int64_t start, packet* packet)
+static bool event_read(log_file* self, int64_t start, event_header* header, lcm_event* event)
 {
-    event_header header;
-    if (!header_read(self, start, &header) || !event_body_read(self, &header, packet)) {
+    if (!header_read(self, start, header) || !event_body_read(self, header, event)) {
         return false;
     }
     uint8_t behind[4];
     self->behind_sync = fread(behind, sizeof behind, 1, self->file) == 1 &&
                         codec_get_u32(behind) == sync_word;
-    return self->behind_sync || !event_holds_another(self, start, header.end);
+    return self->behind_sync || !event_holds_another(self, start, header->end);
 }
 
 /// False: no event has such a header, or the file ends before the event does.
@@ -282,24 +283,22 @@ static bool header_read(log_file* self, int64_t start, event_header* header)
     header->payload_size = codec_get_u32(bytes + 20);
     header->end = start + (int64_t)sizeof bytes + header->channel_length + header->payload_size;
     return header->utime >= 0 && header->channel_length > 0 &&
-           header->channel_length <= CHANNEL_SIZE_MAX && header->end <= self->size;
+           header->channel_length <= LCM_CHANNEL_SIZE_MAX && header->end <= self->size;
 }
 
-static bool event_body_read(log_file* self, const event_header* header, packet* packet)
+static bool event_body_read(log_file* self, const event_header* header, lcm_event* event)
 {
-    if (fread(packet->channel, header->channel_length, 1, self->file) != 1) {
+    if (fread(event->channel, header->channel_length, 1, self->file) != 1) {
         return false;
     }
-    packet->channel[header->channel_length] = '\0';
-    packet->truncated = header->payload_size > PAYLOAD_ROOM;
-    packet->size = packet->truncated ? PAYLOAD_ROOM : header->payload_size;
-    packet->payload = self->payload;
-    packet->utime = header->utime;
-    packet->sender = 0;
-    if (packet->size > 0 && fread(self->payload, packet->size, 1, self->file) != 1) {
+    event->channel[header->channel_length] = '\0';
+    event->truncated = header->payload_size > PAYLOAD_ROOM;
+    event->size = event->truncated ? PAYLOAD_ROOM : header->payload_size;
+    event->payload = self->payload;
+    if (event->size > 0 && fread(self->payload, event->size, 1, self->file) != 1) {
         return false;
     }
-    return !packet->truncated || fseeko(self->file, header->end, SEEK_SET) == 0;
+    return !event->truncated || fseeko(self->file, header->end, SEEK_SET) == 0;
 }
 
 /// Does another event begin between start and end? No sync word follows the event that ends at
@@ -330,7 +329,6 @@ const backend backend_log = {
     .scheme = "log:",
     .open = log_open,
     .close = log_close,
-    .fd = log_fd,
     .ended = log_ended,
     .take = log_take,
     .send = log_send,

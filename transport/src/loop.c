@@ -1,10 +1,10 @@
 /// loop: an in-process bus for tests and simulation.
 ///
-/// Every open end has a ring of waiting events; a sender copies its event into the ring of every
-/// other end of the same name. A full ring gives up its oldest event (and counts it): the newest
-/// state is worth more. One lock guards all ends; it is held for one copy.
+/// Every open end has a ring of waiting messages; a sender copies its message into the ring of
+/// every other end of the same name that asked for its kind. A full ring gives up its oldest
+/// message and counts it: the newest state is worth more. One lock guards all ends; it is held for
+/// one copy.
 #include "backend.h"
-#include "codec.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -19,21 +19,14 @@ enum {
     RING_MAX = 256, ///< four cycles of 64 vehicles
 };
 
-typedef struct event {
-    const char* channel; ///< static storage: codec_channel()
-    uint64_t    sender;
-    size_t      size;
-    uint8_t     payload[CODEC_SIZE_MAX];
-} event;
-
 typedef struct end {
     char      name[NAME_SIZE];
     uint64_t  number; ///< 1 for the first end that was opened in this process
     counters* counts;
-    int       fd; ///< eventfd: readable while the ring holds events
+    unsigned  receive;
+    int       fd; ///< eventfd: readable while the ring holds messages
     uint32_t  first, count;
-    event     ring[RING_MAX];
-    uint8_t   taken[CODEC_SIZE_MAX]; ///< payload of the last take()
+    transport_message ring[RING_MAX];
 } end;
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -41,15 +34,13 @@ static end*            ends[ENDS_MAX];
 static uint64_t        ends_opened;
 
 static bool enlist(end* self);
-static void deliver(end* to, uint64_t sender, const char* channel, const uint8_t* payload,
-                    size_t size);
+static void deliver(end* to, uint64_t sender, const transport_message* message);
 
 static int loop_open(void** self, const char* rest, unsigned receive,
                      const transport_options* options, counters* counts, char* error,
                      size_t error_size)
 {
     (void)options;
-    (void)receive; // transport.c filters by channel
     *self = NULL;
     if (strlen(rest) >= NAME_SIZE) {
         snprintf(error, error_size, "loop:%s: name too long, at most %d characters", rest,
@@ -61,6 +52,7 @@ static int loop_open(void** self, const char* rest, unsigned receive,
     if (made != NULL && fd >= 0) {
         strcpy(made->name, rest);
         made->counts = counts;
+        made->receive = receive;
         made->fd = fd;
         if (enlist(made)) {
             *self = made;
@@ -95,29 +87,16 @@ static int loop_fd(const void* self)
     return ((const end*)self)->fd;
 }
 
-static bool loop_ended(const void* self)
-{
-    (void)self;
-    return false;
-}
-
-static take_result loop_take(void* self, packet* packet)
+static take_result loop_take(void* self, transport_message* message)
 {
     end* mine = self;
     take_result result = TAKE_NOTHING;
     pthread_mutex_lock(&lock);
     if (mine->count > 0) {
-        const event* oldest = &mine->ring[mine->first];
-        memcpy(mine->taken, oldest->payload, oldest->size);
-        strcpy(packet->channel, oldest->channel);
-        packet->payload = mine->taken;
-        packet->size = oldest->size;
-        packet->utime = 0;
-        packet->sender = oldest->sender;
-        packet->truncated = false;
+        *message = mine->ring[mine->first];
         mine->first = (mine->first + 1) % RING_MAX;
         mine->count -= 1;
-        result = TAKE_PACKET;
+        result = TAKE_MESSAGE;
     }
     if (mine->count == 0) {
         uint64_t readings; // the descriptor must stop being readable; a failed read says it is
@@ -127,15 +106,14 @@ static take_result loop_take(void* self, packet* packet)
     return result;
 }
 
-static int loop_send(void* self, int64_t utime, const char* channel, const uint8_t* payload,
-                     size_t size)
+static int loop_send(void* self, int64_t utime, const transport_message* message)
 {
     (void)utime;
     const end* mine = self;
     pthread_mutex_lock(&lock);
     for (uint32_t i = 0; i < ENDS_MAX; ++i) {
         if (ends[i] != NULL && ends[i] != mine && strcmp(ends[i]->name, mine->name) == 0) {
-            deliver(ends[i], mine->number, channel, payload, size);
+            deliver(ends[i], mine->number, message);
         }
     }
     pthread_mutex_unlock(&lock);
@@ -157,19 +135,20 @@ static bool enlist(end* self)
     return done;
 }
 
-static void deliver(end* to, uint64_t sender, const char* channel, const uint8_t* payload,
-                    size_t size)
+static void deliver(end* to, uint64_t sender, const transport_message* message)
 {
+    if ((to->receive & 1u << message->kind) == 0) {
+        count_up(&to->counts->foreign, 1);
+        return;
+    }
     if (to->count == RING_MAX) {
         to->first = (to->first + 1) % RING_MAX;
         to->count -= 1;
         count_up(&to->counts->dropped, 1);
     }
-    event* slot = &to->ring[(to->first + to->count) % RING_MAX];
-    slot->channel = channel;
+    transport_message* slot = &to->ring[(to->first + to->count) % RING_MAX];
+    *slot = *message;
     slot->sender = sender;
-    slot->size = size;
-    memcpy(slot->payload, payload, size);
     to->count += 1;
 
     const uint64_t one = 1;
@@ -181,7 +160,6 @@ const backend backend_loop = {
     .open = loop_open,
     .close = loop_close,
     .fd = loop_fd,
-    .ended = loop_ended,
     .take = loop_take,
     .send = loop_send,
     .keeps_time = false,

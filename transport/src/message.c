@@ -1,6 +1,8 @@
 /// The tables are the rows of messages.def.
 #include "verge/message.h"
 
+#include "crc32.h"
+
 #include <assert.h>
 #include <float.h>
 #include <math.h>
@@ -62,6 +64,10 @@ static const char* struct_check(const message_struct* of, const char* at);
 static const char* array_check(const message_field* array, const char* in);
 static bool        is_in_range(const message_field* field, double value);
 static double      number_at(message_type type, const char* at);
+static uint32_t    struct_crc32(const message_struct* of, const char* at, uint32_t crc);
+static void        struct_copy(const message_struct* of, const char* from, char* to);
+static size_t      big_endian(message_type type, const char* at, uint8_t bytes[8]);
+static size_t      size_of(message_type type);
 
 const message_struct* message_of(transport_kind kind)
 {
@@ -144,4 +150,107 @@ static double number_at(message_type type, const char* at)
     }
     assert(false);
     return 0.0;
+}
+
+// ---- checksum and copy --------------------------------------------------------------------
+
+/// crc32 is the last field of every message.
+static const message_field* crc32_field(const message_struct* of)
+{
+    const message_field* last = &of->fields[of->field_count - 1];
+    assert(strcmp(last->name, "crc32") == 0);
+    return last;
+}
+
+uint32_t message_crc32(transport_kind kind, const void* message)
+{
+    message_struct before = *message_of(kind);
+    assert(crc32_field(&before) != NULL);
+    before.field_count -= 1;
+    return crc32_end(struct_crc32(&before, message, crc32_begin));
+}
+
+bool message_is_whole(transport_kind kind, const void* message)
+{
+    uint32_t held;
+    memcpy(&held, (const char*)message + crc32_field(message_of(kind))->offset, sizeof held);
+    return held == message_crc32(kind, message);
+}
+
+void message_seal(transport_kind kind, const void* message, void* sealed)
+{
+    const message_struct* of = message_of(kind);
+    const uint32_t        crc = message_crc32(kind, message);
+    memset(sealed, 0, of->size);
+    struct_copy(of, message, sealed);
+    memcpy((char*)sealed + crc32_field(of)->offset, &crc, sizeof crc);
+}
+
+/// Elements beyond an array's count are on the wire, too.
+static uint32_t struct_crc32(const message_struct* of, const char* at, uint32_t crc)
+{
+    for (uint32_t i = 0; i < of->field_count; ++i) {
+        const message_field* field = &of->fields[i];
+        const char*          from = at + field->offset;
+        if (field->type == MESSAGE_ARRAY) {
+            for (uint32_t k = 0; k < field->length; ++k) {
+                crc = struct_crc32(field->part, from + k * field->part->size, crc);
+            }
+        } else {
+            uint8_t      bytes[8];
+            const size_t size = big_endian(field->type, from, bytes);
+            crc = crc32_add(crc, bytes, size);
+        }
+    }
+    return crc;
+}
+
+static void struct_copy(const message_struct* of, const char* from, char* to)
+{
+    for (uint32_t i = 0; i < of->field_count; ++i) {
+        const message_field* field = &of->fields[i];
+        if (field->type == MESSAGE_ARRAY) {
+            for (uint32_t k = 0; k < field->length; ++k) {
+                const size_t at = field->offset + k * field->part->size;
+                struct_copy(field->part, from + at, to + at);
+            }
+        } else {
+            memcpy(to + field->offset, from + field->offset, size_of(field->type));
+        }
+    }
+}
+
+/// The bytes of a number as LCM sends them. Returns how many.
+static size_t big_endian(message_type type, const char* at, uint8_t bytes[8])
+{
+    const size_t size = size_of(type);
+    uint64_t     bits = 0;
+    uint16_t     half;
+    uint32_t     word;
+    switch (size) {
+    case sizeof half: memcpy(&half, at, sizeof half), bits = half; break;
+    case sizeof word: memcpy(&word, at, sizeof word), bits = word; break;
+    default: memcpy(&bits, at, sizeof bits); break;
+    }
+    for (size_t i = 0; i < size; ++i) {
+        bytes[i] = (uint8_t)(bits >> 8 * (size - 1 - i));
+    }
+    return size;
+}
+
+static size_t size_of(message_type type)
+{
+    switch (type) {
+    case MESSAGE_INT16: return sizeof(int16_t);
+    case MESSAGE_INT32:
+    case MESSAGE_BITS32:
+    case MESSAGE_COUNT: return sizeof(int32_t);
+    case MESSAGE_INT64:
+    case MESSAGE_BITS64: return sizeof(int64_t);
+    case MESSAGE_FLOAT: return sizeof(float);
+    case MESSAGE_DOUBLE: return sizeof(double);
+    case MESSAGE_ARRAY: break;
+    }
+    assert(false);
+    return 0;
 }

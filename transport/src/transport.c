@@ -1,10 +1,9 @@
-/// From a URL to a backend, and everything that is the same on every bus: encode and count on the
-/// way out; filter by channel, check, decode and count on the way in.
+/// From a URL to a backend, and everything that is the same on every bus: checksums and counters.
 #include "verge/transport.h"
 
 #include "backend.h"
 #include "codec.h"
-#include "lcm_auth.h"
+#include "verge/message.h"
 
 #include <assert.h>
 #include <inttypes.h>
@@ -25,7 +24,7 @@ struct transport {
     counters       counts;
 };
 
-static bool admit(transport* bus, const packet* packet, transport_message* message);
+static bool admit(transport* bus, transport_message* message);
 static int  publish(transport* bus, int64_t utime, transport_kind kind, const void* value);
 
 #define EXPECTED_URL "expected lcm:udpm://ADDRESS:PORT?ttl=N, dds:N, loop:NAME or log:FILE"
@@ -134,7 +133,7 @@ void transport_close(transport* bus)
 
 int transport_fd(const transport* bus)
 {
-    return bus->bus->fd(bus->self);
+    return bus->bus->fd != NULL ? bus->bus->fd(bus->self) : -1;
 }
 
 void transport_sender_text(const transport* bus, uint64_t sender, char* text, size_t size)
@@ -148,19 +147,22 @@ void transport_sender_text(const transport* bus, uint64_t sender, char* text, si
 
 bool transport_ended(const transport* bus)
 {
-    return bus->bus->ended(bus->self);
+    return bus->bus->ended != NULL && bus->bus->ended(bus->self);
 }
 
 uint32_t transport_drain(transport* bus, transport_message* messages, uint32_t max)
 {
     uint32_t count = 0;
-    packet   packet;
     for (uint32_t event = 0; event < EVENTS_PER_DRAIN_MAX && count < max; ++event) {
-        const take_result taken = bus->bus->take(bus->self, &packet);
+        transport_message* message = &messages[count];
+        message->sender = 0;
+        message->bus = 0;
+        message->arrival_utime = 0;
+        const take_result taken = bus->bus->take(bus->self, message);
         if (taken == TAKE_NOTHING) {
             break;
         }
-        if (taken == TAKE_PACKET && admit(bus, &packet, &messages[count])) {
+        if (taken == TAKE_MESSAGE && admit(bus, message)) {
             ++count;
         }
     }
@@ -185,7 +187,7 @@ int transport_publish_status(transport* bus, const verge_rsu_status_t* status)
 
 int transport_record(transport* bus, int64_t event_utime, const transport_message* message)
 {
-    if (!bus->bus->keeps_time || codec_size(message->kind) == 0) {
+    if (!bus->bus->keeps_time || message->kind == TRANSPORT_NONE) {
         count_up(&bus->counts.errors, 1);
         return -1;
     }
@@ -227,36 +229,29 @@ uint64_t transport_refused(const transport_stats* stats)
     return sum;
 }
 
-/// Only what was asked for and is whole gets in.
-static bool admit(transport* bus, const packet* packet, transport_message* message)
+/// Was it changed on its way? A mark's checksum is the log's to check.
+static bool admit(transport* bus, transport_message* message)
 {
-    const transport_kind kind = codec_kind(packet->channel);
-    if (kind == TRANSPORT_NONE || (bus->receive & 1u << kind) == 0) {
-        count_up(&bus->counts.foreign, 1);
-        return false;
-    }
-    // A signature nobody asked to check, as in the log of a signed bus: LCM's decoders pass over
-    // what stands behind a message, and so do we.
-    size_t size = packet->size;
-    if (size == codec_size(kind) + LCM_AUTH_TRAILER_SIZE &&
-        lcm_auth_signed(packet->payload, size)) {
-        size -= LCM_AUTH_TRAILER_SIZE;
-    }
-    if (packet->truncated || !codec_decode(kind, packet->payload, size, message)) {
+    assert(message->kind != TRANSPORT_NONE && (bus->receive & 1u << message->kind) != 0);
+    if (message->kind != TRANSPORT_MARK && !message_is_whole(message->kind, &message->as)) {
         count_up(&bus->counts.malformed, 1);
         return false;
     }
-    message->sender = packet->sender;
-    message->bus = 0;
-    message->arrival_utime = packet->utime != 0 ? packet->utime : backend_utime_now();
+    if (message->arrival_utime == 0) {
+        message->arrival_utime = backend_utime_now();
+    }
     return true;
 }
 
 static int publish(transport* bus, int64_t utime, transport_kind kind, const void* value)
 {
-    uint8_t      bytes[CODEC_SIZE_MAX];
-    const size_t size = codec_encode(kind, value, bytes);
-    const int    result = bus->bus->send(bus->self, utime, codec_channel(kind), bytes, size);
+    transport_message message = { .kind = kind };
+    if (kind == TRANSPORT_MARK) {
+        message.as.mark = *(const transport_mark*)value;
+    } else {
+        message_seal(kind, value, &message.as);
+    }
+    const int result = bus->bus->send(bus->self, utime, &message);
     count_up(result == 0 ? &bus->counts.published : &bus->counts.errors, 1);
     return result;
 }

@@ -66,6 +66,17 @@ const message_struct* message_of(transport_kind kind);
 /// fields are checked in wire.h.
 const char* message_check(transport_kind kind, const void* message);
 
+/// The crc32 of a message: zlib's CRC-32 over the big-endian LCM encoding of all fields before
+/// crc32, whichever bus carries it. Walks the fields; nothing is encoded.
+uint32_t message_crc32(transport_kind kind, const void* message);
+
+/// Is the crc32 that a message holds the right one?
+bool message_is_whole(transport_kind kind, const void* message);
+
+/// Makes a message ready to send: copies every field, sets the padding between them to zero, so
+/// that a bus that sends the struct's memory sends nothing else, and fills in crc32.
+void message_seal(transport_kind kind, const void* message, void* sealed);
+
 #ifdef __cplusplus
 }
 #endif

@@ -76,15 +76,15 @@ int main(int argc, char** argv)
     const char* iterations_text = NULL;
     const option_entry options[] = {
         { "--quick", NULL, "ends within 30 s", NULL, &with.quick },
-        { "--seed", "N", "seeds scenes, searches and cycles; without it 1, and the scenarios' own",
+        { "--seed", "N", "seed (default 1; for cycles the seed of each scenario)",
           &seed_text, NULL },
         { "--scenarios", "DIR", "takes the cycle scenarios from DIR", &with.scenarios, NULL },
         { "--instructions", "LIST",
-          "instructions an iteration, as 2:N,4:N,.. (tools/bench-instructions)",
+          "instructions per iteration, as 2:N,4:N,.. (tools/bench-instructions)",
           &with.instructions, NULL },
         { "--only-search", "K", "runs one search with K controlled vehicles and prints nothing",
           &search_text, NULL },
-        { "--iterations", "N", "with --only-search: its iterations", &iterations_text, NULL },
+        { "--iterations", "N", "with --only-search: number of iterations", &iterations_text, NULL },
     };
     const program self = {
         .name = "verge-bench",

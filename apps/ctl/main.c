@@ -38,14 +38,14 @@ int main(int argc, char** argv)
     const char* request = NULL;
     bool        json = false;
     const option_entry table[] = {
-        { "--socket", "PATH", "the daemon's control socket; else " SOCKET_DEFAULT, &path, NULL },
-        { "--json", NULL, "prints the answer as it came, one JSON document", NULL, &json },
+        { "--socket", "PATH", "control socket; default " SOCKET_DEFAULT, &path, NULL },
+        { "--json", NULL, "prints the answer as one JSON document", NULL, &json },
     };
     const program self = {
         .name = "verge-ctl",
         .argument = "status|vehicles|plans|reload",
-        .text = "Asks a running verge-rsu: its state and counters, who it sees, which plans are\n"
-                "in force; or has it read its configuration again.",
+        .text = "Prints state, vehicles or plans of a running verge-rsu, or makes it read its\n"
+                "configuration again.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,

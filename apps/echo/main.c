@@ -69,11 +69,11 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
 {
     const char* count_text = NULL;
     const option_entry table[] = {
-        { "--bus-options", "FILE.json", "the objects dds and lcm of a configuration",
+        { "--bus-options", "FILE.json", "options of the bus: {\"dds\", \"lcm\"} of a configuration",
           &args->options_path, NULL },
         { "--count", "N", "ends after N messages", &count_text, NULL },
-        { "--json", NULL, "one JSON document a line, every field", NULL, &args->json },
-        { "--states", NULL, "vehicle states; without any of these three: all", NULL,
+        { "--json", NULL, "one JSON document per message, with every field", NULL, &args->json },
+        { "--states", NULL, "vehicle states; default: all three kinds", NULL,
           &args->states },
         { "--plans", NULL, "plans", NULL, &args->plans },
         { "--status", NULL, "status messages", NULL, &args->statuses },
@@ -81,7 +81,7 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
     const program self = {
         .name = "verge-echo",
         .argument = "URL",
-        .text = "Prints what is on a bus: vehicle states, plans and status messages.",
+        .text = "Prints the messages of a bus: vehicle states, plans and statuses.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,

@@ -43,11 +43,11 @@ int main(int argc, char** argv)
                      .recordings = data_path(recordings, "recordings"), .out = "out/experiments", .seed = 1 };
     const option_entry options[] = {
         { "--only", "NAME", "runs this experiment only", &with.only, NULL },
-        { "--repeats", "N", "seeds or scenes of each setting (default: each experiment's own)",
+        { "--repeats", "N", "seeds or scenes of each setting (default: of each experiment)",
           &with.repeats_text, NULL },
-        { "--seed", "N", "seed of the first repeat; the next ones count on (default 1)",
+        { "--seed", "N", "seed of the first repeat (default 1); each further repeat adds 1",
           &with.seed_text, NULL },
-        { "--json", "FILE", "writes the rows to this file, too", &with.json, NULL },
+        { "--json", "FILE", "also writes the rows to this file", &with.json, NULL },
         { "--page", "FILE", "writes a page of all tables in the folder of results", &with.page,
           NULL },
         { "--out", "DIR", "folder of results (default out/experiments)", &self.out, NULL },
@@ -55,8 +55,8 @@ int main(int argc, char** argv)
         { "--recordings", "DIR", "takes recorded traffic from DIR", &self.recordings, NULL },
         { "--scenes", NULL, "writes generated scenarios to the folder of results", NULL,
           &self.scenes },
-        { "--list", NULL, "names the experiments", NULL, &with.list },
-        { "--no-progress", NULL, "does not say how far it is", NULL, &with.no_progress },
+        { "--list", NULL, "lists the names of the experiments", NULL, &with.list },
+        { "--no-progress", NULL, "prints no progress", NULL, &with.no_progress },
     };
     const program this = {
         .name = "verge-experiment",

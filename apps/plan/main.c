@@ -15,7 +15,7 @@ int main(int argc, char** argv)
     bool        no_timing = false;
     const option_entry options[] = {
         { "--seed", "N", "plans with this seed instead of the scenario's", &seed_text, NULL },
-        { "--no-timing", NULL, "accepted for uniformity: a plan document has no timing", NULL,
+        { "--no-timing", NULL, "has no effect: a plan document has no timing", NULL,
           &no_timing },
     };
     const program self = {

@@ -95,20 +95,20 @@ static int read_arguments(arguments* args, int argc, char** argv)
     const option_entry table[] = {
         { "--bus", "URL", "the bus, such as lcm:udpm://239.255.76.67:7667?ttl=0 or dds:0",
           &args->bus, NULL },
-        { "--bus-options", "FILE.json", "what the bus needs beyond its URL: {\"dds\", \"lcm\"}",
+        { "--bus-options", "FILE.json", "options of the bus: {\"dds\", \"lcm\"}",
           &args->bus_options, NULL },
         { "--out", "RUN.jsonl", "writes the run (format verge-run/1) to this file", &args->out,
           NULL },
-        { "--duration", "S", "ends after so many seconds instead of the scenario's",
+        { "--duration", "S", "ends after S seconds instead of at the end of the scenario",
           &args->duration_text, NULL },
-        { "--seed", "N", "replaces the scenario's seed", &args->seed_text, NULL },
-        { "--quiet", NULL, "does not print the plans as they come", NULL, &args->quiet },
+        { "--seed", "N", "replaces the seed of the scenario", &args->seed_text, NULL },
+        { "--quiet", NULL, "does not print the plans", NULL, &args->quiet },
     };
     const program self = {
         .name = "verge-publish",
         .argument = "SCENARIO.json",
-        .text = "Publishes the scenario's vehicles as live states, applies the plans that come\n"
-                "back, prints both plans and metrics.",
+        .text = "Publishes the states of a scenario's vehicles in real time, drives the plans\n"
+                "that it receives, and prints plans and metrics.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = 2,

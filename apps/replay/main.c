@@ -29,7 +29,7 @@ int main(int argc, char** argv)
     const option_entry table[] = {
         { "--config", "RSU.json", "for a log: the configuration it was recorded with",
           &config_path, NULL },
-        { "--seed", "N", "replaces the recorded seed: digests differ unless it is the same",
+        { "--seed", "N", "replaces the recorded seed; another seed gives other digests",
           &seed_text, NULL },
     };
     const program self = {

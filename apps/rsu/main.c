@@ -69,15 +69,17 @@ static int read_arguments(arguments* args, int argc, char** argv)
         { "--print-config", NULL, "prints it with every default, ends", NULL, &args->print },
         { "--cycles", "N", "stops after N planning cycles", &args->cycles_text, NULL },
         { "--record", "LOG", "records states, cycles and plans", &args->record_path, NULL },
-        { "--replay", "LOG", "plans what a log holds, a line a cycle", &args->replay_path, NULL },
+        { "--replay", "LOG", "plans the states of a log, prints one line per cycle",
+          &args->replay_path, NULL },
         { "--log-level", "LEVEL", "error, warning, info or debug", &args->level_text, NULL },
-        { "--log-format", "FORMAT", "text or json; else as configured", &args->format_text, NULL },
+        { "--log-format", "FORMAT", "text or json, instead of log_format of the configuration",
+          &args->format_text, NULL },
     };
     const program self = {
         .name = "verge-rsu",
         .argument = NULL,
-        .text = "The roadside daemon: takes vehicle states from buses, plans jointly each cycle,\n"
-                "broadcasts a plan for each controlled vehicle.",
+        .text = "The roadside daemon: receives vehicle states, plans jointly in each cycle, and\n"
+                "sends a plan to each controlled vehicle.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,

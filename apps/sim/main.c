@@ -37,7 +37,7 @@ int main(int argc, char** argv)
     const option_entry options[] = {
         { "--out", "RUN.jsonl", "writes the run (format verge-run/1) to this file", &out, NULL },
         { "--seed", "N", "plans with this seed instead of the scenario's", &seed_text, NULL },
-        { "--no-timing", NULL, "leaves out the times of this machine (cycle_ms)", NULL,
+        { "--no-timing", NULL, "omits the measured times (cycle_ms)", NULL,
           &no_timing },
     };
     const program self = {

@@ -7,7 +7,6 @@ Reads NAME.json of each experiment in DIR (default out/experiments) and draws NA
 in the folder of --out. Then draws the runs that the experiments wrote there, with plot.py.
 """
 import argparse
-import json
 import pathlib
 import subprocess
 import sys
@@ -17,6 +16,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+
+from one_line import BadInput, read_json, told_in_one_line
 
 # The palette of Okabe and Ito: readable for colour-blind people, and in grey.
 METHODS = {"verge": "#0072B2", "decision-only": "#E69F00", "sequential": "#999999",
@@ -283,6 +284,16 @@ def runs(folder, out, names):
             subprocess.run([sys.executable, plot, run, out / f"{name}.png"], check=True)
 
 
+FIGURES = (freeway_table, pareto, beyond, diversity, ramp_cases, recorded)
+
+
+def rows_of(path):
+    document = read_json(path, "a result of verge-experiment")
+    if not isinstance(document, dict) or not isinstance(document.get("rows"), list):
+        raise BadInput(f"{path}:rows: are missing, expected a result of verge-experiment")
+    return document["rows"]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", nargs="?", default="out/experiments", type=pathlib.Path)
@@ -290,14 +301,20 @@ def main():
     parser.add_argument("--no-runs", action="store_true", help="leaves the runs out")
     given = parser.parse_args()
     out = given.out or given.folder
+    paths = {draw: given.folder / f"{draw.__name__.replace('_', '-')}.json" for draw in FIGURES}
+    if not any(path.exists() for path in paths.values()):
+        raise BadInput(f"{given.folder}:folder: holds no results, expected what verge-experiment "
+                       "--out writes")
     out.mkdir(parents=True, exist_ok=True)
     style()
-    for draw in (freeway_table, pareto, beyond, diversity, ramp_cases, recorded):
-        path = given.folder / f"{draw.__name__.replace('_', '-')}.json"
-        if path.exists():
-            rows = json.loads(path.read_text(encoding="utf-8"))["rows"]
+    for draw, path in paths.items():
+        rows = rows_of(path) if path.exists() else []
+        try:
             if rows:
                 draw(rows, out)
+        except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+            raise BadInput(f"{path}:rows: unexpected or missing {error}, expected a result of "
+                           "verge-experiment") from None
     runs(given.folder, out, SHOWN)
     if not given.no_runs:
         scenes = sorted(path.stem for path in given.folder.glob("recorded-*.jsonl"))
@@ -305,4 +322,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(told_in_one_line(main))

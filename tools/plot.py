@@ -10,20 +10,23 @@ the one above. Below: the speeds, and the action of each controlled vehicle over
 
 The run file is that of verge-sim and verge-publish, format verge-run/1.
 """
-import json
 import math
-import pathlib
 import sys
 
-import matplotlib
+try:
+    import matplotlib
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-import numpy as np
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch, Polygon
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    import numpy as np
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Circle, Patch, Polygon
+except ImportError as error:
+    sys.exit(f"plot.py: {error}, expected Debian's python3-matplotlib (/usr/bin/python3)")
 
+from one_line import BadInput, told_in_one_line, two_files
 from road_lines import Frame, Lane, painted_lines
+from run_file import check_row, read_run
 
 FIGURE_WIDTH = 13.0     # [in]
 SIDE = 0.62             # [in] left of every panel
@@ -75,24 +78,10 @@ class Run:
     """Everything the picture needs from a run file."""
 
     def __init__(self, path):
-        lines = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
-        if not lines or lines[0].get("format") != "verge-run/1":
-            sys.exit(f"{path}:1: not a run file, expected format verge-run/1")
-        scenario = lines[0]["scenario"]
-        self.name = scenario["name"]
-        self.metrics = next((x["metrics"] for x in lines if "metrics" in x), {})
-        self.tracks = {v["id"]: Track(v) for v in scenario["vehicles"]}
-        for line in lines:
-            for row in line.get("vehicles", []):
-                track = self.tracks[row[0]]
-                track.rows.append([line["t"], *row[1:5]])
-                track.signs.append((row[7], row[8], row[9]))
-            for plan in line.get("plan", {}).get("vehicles", []):
-                if plan["status"] == "fallback" and plan["id"] in self.tracks:
-                    self.tracks[plan["id"]].fallbacks.append(line["t"])
+        read_run(path, self.begin, self.add)
         self.tracks = {i: t for i, t in sorted(self.tracks.items()) if t.rows}
         if not self.tracks:
-            sys.exit(f"{path}: no vehicle moves in this run")
+            raise BadInput(f"{path}:file: no vehicle moves in this run, expected at least one")
         driven = [t for t in self.tracks.values() if t.controlled] or list(self.tracks.values())
         points = np.array([row[1:3] for t in driven for row in t.rows])
         forward = sum(np.subtract(t.rows[-1][1:3], t.rows[0][1:3]) for t in driven)
@@ -103,8 +92,25 @@ class Run:
         self.humans = [t for t in self.tracks.values() if not t.controlled]
         for i, track in enumerate(self.controlled):
             track.color = COLORS[i % len(COLORS)]
-        self.lanes = [Lane(lane, self.frame) for lane in scenario["road"]["lanes"]]
-        self.t_end = max(t.t[-1] for t in self.tracks.values())
+        self.lanes = [Lane(lane, self.frame) for lane in self.surveyed]
+        self.t_end = max(0.1, *(t.t[-1] for t in self.tracks.values()))  # a run may be one tick
+
+    def begin(self, scenario):
+        self.name, self.metrics = scenario["name"], {}
+        self.tracks = {v["id"]: Track(v) for v in scenario["vehicles"]}
+        self.surveyed = scenario["road"]["lanes"]
+        self.lanes = [Lane(lane) for lane in self.surveyed]  # a fault of theirs is told as such
+
+    def add(self, line):
+        self.metrics = line.get("metrics", self.metrics)
+        for row in line.get("vehicles", []):
+            check_row(row)
+            track = self.tracks[row[0]]
+            track.rows.append([line["t"], *row[1:5]])
+            track.signs.append((row[7], row[8], row[9]))
+        for plan in line.get("plan", {}).get("vehicles", []):
+            if plan["status"] == "fallback" and plan["id"] in self.tracks:
+                self.tracks[plan["id"]].fallbacks.append(line["t"])
 
 
 def view_of(run):
@@ -454,16 +460,11 @@ def draw_map(axes, run, view, scale, last):
 
 
 def main():
-    if len(sys.argv) != 3:
-        print("usage: plot.py RUN.jsonl OUT.png", file=sys.stderr)
-        return 2
-    source, out = map(pathlib.Path, sys.argv[1:])
-    if not source.is_file():
-        print(f"{source}: no such run file", file=sys.stderr)
-        return 2
+    source, out = two_files(__doc__, "RUN.jsonl OUT.png")
+    if out.suffix[1:] not in matplotlib.figure.FigureCanvasBase.get_supported_filetypes():
+        raise BadInput(f"{out}:file: ends in \"{out.suffix}\", expected .png, .svg or .pdf")
     draw_page(Run(source), out)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(told_in_one_line(main))

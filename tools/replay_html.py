@@ -18,9 +18,14 @@ import pathlib
 import re
 import sys
 
-import numpy as np
+try:
+    import numpy as np
+except ImportError as error:
+    sys.exit(f"replay_html.py: {error}, expected Debian's python3-numpy (/usr/bin/python3)")
 
+from one_line import BadInput, told_in_one_line, two_files
 from road_lines import Frame, Lane, painted_lines
+from run_file import check_row, read_run
 
 PAGE = pathlib.Path(__file__).resolve().parent / "replay_page"
 ARROW_EVERY = 60.0      # [m] between two arrows painted on a lane
@@ -28,10 +33,6 @@ DRAWN_DT = 0.3          # [s] between the points of a planned path that are kept
 STRAIGHT = 0.01         # [m] a painted line may deviate from its surveyed points
 STATE = {"x": 1e3, "y": 1e3, "heading": 1e4, "speed": 1e3, "acceleration": 1e3}  # units per SI unit
 METRIC_DIGITS = 6
-
-
-class BadRun(Exception):
-    """The one line that says what is wrong with the input."""
 
 
 # --- small numbers ------------------------------------------------------------------------------
@@ -88,28 +89,6 @@ def simplified(line):
 
 # --- the run ------------------------------------------------------------------------------------
 
-def read_lines(path):
-    """The documents of a run file. A last line that was cut off is left out."""
-    found = []
-    try:
-        texts = path.read_text(encoding="utf-8").splitlines()
-    except UnicodeDecodeError:
-        raise BadRun(f"{path}: not text, expected format verge-run/1") from None
-    for number, text in enumerate(texts, 1):
-        if not text.strip():
-            continue
-        try:
-            found.append((number, json.loads(text)))
-        except ValueError:
-            if found and number == len(texts):
-                print(f"{path}:{number}: cut off; the run replays up to there", file=sys.stderr)
-                break
-            raise BadRun(f"{path}:{number}: not JSON, expected format verge-run/1") from None
-    if not found or not isinstance(found[0][1], dict) or found[0][1].get("format") != "verge-run/1":
-        raise BadRun(f"{path}:1: not a run file, expected format verge-run/1")
-    return found
-
-
 def habit_word(habit):
     if isinstance(habit, dict):
         share = habit.get("cooperation")
@@ -124,8 +103,7 @@ class Vehicle:
         self.info, self.parts = info, []
 
     def add(self, tick, row):
-        if len(row) != 10 or not all(math.isfinite(value) for value in row[1:6]):
-            raise ValueError(f"row of vehicle {row[0]}")
+        check_row(row)
         if not self.parts or tick != self.parts[-1][0] + len(self.parts[-1][1]):
             self.parts.append((tick, []))
         self.parts[-1][1].append(row)
@@ -234,19 +212,10 @@ class Run:
     """The lines of a run file, sorted by their kind."""
 
     def __init__(self, path):
-        number = 1
-        try:
-            for number, line in read_lines(path):
-                if number == 1:
-                    self.begin(line["scenario"])
-                else:
-                    self.add(line)
-        except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
-            raise BadRun(f"{path}:{number}: unexpected or missing {error}, "
-                         "expected format verge-run/1") from None
+        read_run(path, self.begin, self.add)
         self.vehicles = [v for _, v in sorted(self.by_id.items()) if v.parts]
         if not self.vehicles:
-            raise BadRun(f"{path}: no vehicle moves in this run")
+            raise BadInput(f"{path}:file: no vehicle moves in this run, expected at least one")
 
     def begin(self, scenario):
         self.name, self.source = scenario["name"], scenario.get("source", "")
@@ -290,22 +259,11 @@ def page(document):
 
 
 def main():
-    if len(sys.argv) != 3:
-        print("usage: replay_html.py RUN.jsonl OUT.html", file=sys.stderr)
-        return 2
-    source, out = map(pathlib.Path, sys.argv[1:])
-    try:
-        text = page(Run(source).document())
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(text, encoding="utf-8")
-    except BadRun as error:
-        print(error, file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"{error.filename}: {error.strerror}", file=sys.stderr)
-        return 2
-    return 0
+    source, out = two_files(__doc__, "RUN.jsonl OUT.html")
+    text = page(Run(source).document())
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(told_in_one_line(main))

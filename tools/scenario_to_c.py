@@ -6,10 +6,11 @@ The tables contain the state at t = 0, in the order of the file, as verge-plan r
 have all their digits, so that the C compiler reads the same values as the JSON reader. The tables
 are included by tests/determinism/digest_main.c.
 """
-import json
 import math
 import pathlib
 import sys
+
+from one_line import BadInput, read_json, told_in_one_line
 
 HABITS = {"aggressive": 0, "normal": 1, "conservative": 2}
 WEIGHTS = ("curvature", "heading", "offset", "acceleration", "jerk", "obstacle")
@@ -122,8 +123,7 @@ def assignment(key, value):
     return f"    def->{key} = {value if isinstance(value, int) else number(value)};"
 
 
-def scenario(path):
-    data = json.loads(path.read_text())
+def scenario(path, data):
     name = "s_" + "".join(c if c.isalnum() else "_" for c in path.stem)
     yield f"// {path.name}"
     yield from lane_tables(name, data["road"]["lanes"])
@@ -142,22 +142,31 @@ def scenario(path):
     )
 
 
+def table_row(path, data):
+    """Prints the tables of a scenario; returns its row in the table of scenarios."""
+    lines = scenario(path, data)
+    try:
+        while True:
+            print(next(lines))
+    except StopIteration as end:
+        return end.value
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+        raise BadInput(f"{path}:document: unexpected or missing {error}, expected format "
+                       "verge-scenario/1") from None
+
+
 def main():
+    if not sys.argv[1:] or sys.argv[1].startswith("--"):
+        raise BadInput("scenario_to_c.py:arguments: missing, expected scenario files")
     print("// Made by tools/scenario_to_c.py; edit the scenarios instead.")
     table = []
     for path in sorted(map(pathlib.Path, sys.argv[1:]), key=lambda p: p.stem):
-        if json.loads(path.read_text()).get("format") != "verge-scenario/1":
-            continue
-        lines = scenario(path)
-        while True:
-            try:
-                print(next(lines))
-            except StopIteration as end:
-                table.append(end.value)
-                break
+        data = read_json(path, "a scenario (format verge-scenario/1)")
+        if isinstance(data, dict) and data.get("format") == "verge-scenario/1":
+            table.append(table_row(path, data))
     print("static const scenario scenarios[] = {")
     print("\n".join(table))
     print("};")
 
 
-main()
+sys.exit(told_in_one_line(main))

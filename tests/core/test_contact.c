@@ -11,15 +11,16 @@ static const double step_s = 0.1;
 
 static vg_track a, b;
 
-/// A body that turns and drives at constant rates from a place near the origin.
+/// A body that drives and turns at constant rates, or spins in its place, near the origin.
 static vg_track random_track(test_rng* rng)
 {
     vg_track track = { .half_length = test_rng_between(rng, 0.3, 6.0),
                        .half_width = test_rng_between(rng, 0.2, 1.3) };
     double heading = test_rng_between(rng, -3.1, 3.1);
     double x = test_rng_between(rng, -12.0, 12.0), y = test_rng_between(rng, -12.0, 12.0);
-    const double speed = test_rng_between(rng, 0.0, 30.0);
-    const double turn = test_rng_between(rng, -1.0, 1.0);
+    const bool spins = test_rng_below(rng, 2) == 0;
+    const double speed = test_rng_between(rng, 0.0, spins ? 1.0 : 30.0);
+    const double turn = test_rng_between(rng, spins ? -6.0 : -1.0, spins ? 6.0 : 1.0);
     for (uint32_t k = 0; k <= LAST; ++k) {
         track.x[k] = x;
         track.y[k] = y;

@@ -59,12 +59,12 @@ def link_faults(page, text):
             yield f"link to {target}: no such heading"
 
 
-def source_faults(root, page, text, names):
-    """Names of source files, in code font or in a diagram."""
+def source_faults(page, text, names):
+    """Names of source files, in code font or in a diagram; a name may begin below its folder."""
     for code in re.findall(r"```.*?```|`[^`]+`", text, re.DOTALL):
         for name in SOURCE_NAME.findall(code):
-            found = name in names if "/" not in name else (
-                (root / name).exists() or (page.parent / name).exists())
+            found = (page.parent / name).exists() or any(
+                path == name or path.endswith("/" + name) for path in names)
             if not found and "*" not in code:
                 yield f"names {name}, which does not exist"
 
@@ -84,7 +84,7 @@ def readme_faults(root):
 def main():
     root = pathlib.Path(sys.argv[1]).resolve()
     files = list(files_of(root))
-    names = {path.name for path in files}
+    names = {str(path.relative_to(root)) for path in files}
     faults = [f"README.md: {fault}" for fault in readme_faults(root)]
     pages = 0
     for path in files:
@@ -92,7 +92,7 @@ def main():
         if path.suffix == ".md":
             pages += 1
             faults += [f"{here}: {fault}" for fault in link_faults(path, text)]
-            faults += [f"{here}: {fault}" for fault in source_faults(root, path, text, names)]
+            faults += [f"{here}: {fault}" for fault in source_faults(path, text, names)]
         if path != pathlib.Path(__file__).resolve() and here.parts[:2] != ("core", "src"):
             faults += [f"{here}:{number}: cites what is not in the tree: {line.strip()}"
                        for number, line in enumerate(text.splitlines(), 1) if OUTSIDE.search(line)]

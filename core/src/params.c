@@ -88,14 +88,14 @@ verge_planner_def verge_planner_default_def(void)
         .exploration = 0.70710678118654752, // 1 / sqrt(2)
         .acceleration = 0.6,
         .deceleration = 0.6,
-        .reward_target = 0.5, // findings/paper.md: the paper gives no weights
+        .reward_target = 0.5, // the paper names these three parts without weights; the sum is 1
         .reward_lane = 0.3,
         .reward_consistency = 0.2,
         .reward_room = 2.0,
         .cruise_share = 1.0,
         .target_distance = 20.0,
         .switch_margin = 0.03,
-        .idm_gap = 2.0, // findings/paper.md, from the authors' prototype, to idm_comfort
+        .idm_gap = 2.0, // this to idm_comfort: the values in the program of the paper's authors
         .idm_headway_s = 1.0,
         .idm_acceleration = 0.6,
         .idm_comfort = 1.104, // sqrt(0.73 * 1.67)
@@ -110,7 +110,7 @@ verge_planner_def verge_planner_default_def(void)
         .keep_region_offset = 0.7,
         .alert_cost = 1.0,
         .alert_continuous = 0,
-        .comfort_acceleration = 4.0, // findings/paper.md: limits of normal driving
+        .comfort_acceleration = 4.0, // to comfort_jerk: bounds of Apollo's planner
         .comfort_braking = 6.0,
         .comfort_lateral = 4.0,
         .comfort_jerk = 4.0,

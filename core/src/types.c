@@ -40,7 +40,7 @@ const char* verge_reason_text(verge_reason reason)
 }
 
 // Table 2 of the paper gives cooperation, obstacle, offset (its "out") and jerk. Curvature,
-// heading and acceleration are the same for all three (findings/paper.md): the paper is silent.
+// heading and acceleration are the same for all three, because the paper does not give them.
 verge_habit verge_habit_of(verge_habit_kind kind)
 {
     verge_habit habit = {

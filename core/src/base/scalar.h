@@ -1,6 +1,7 @@
-/// Scalar mathematics with one result everywhere. libm differs between machines (and, by its
-/// run-time dispatch, between CPUs of one machine); the core uses + - * / and sqrt only, and the
-/// four functions below, each within 2 ulp or 2e-16 of the true value (findings/reliability.md).
+/// Scalar mathematics with one result everywhere. The functions of libm differ in the last bit
+/// between machines, between libraries, and between CPUs of one machine (glibc chooses by CPU at run
+/// time). The core uses + - * / and sqrt only, which are the same everywhere, and the functions
+/// below, each within 2 ulp or 2e-16 of the true value.
 #ifndef VG_SCALAR_H
 #define VG_SCALAR_H
 
@@ -32,7 +33,8 @@ static inline double vg_clamp(double x, double low, double high)
     return x < low ? low : x > high ? high : x;
 }
 static inline double vg_square(double x) { return x * x; }
-/// Neither NaN nor infinite; survives -ffinite-math because it looks at the bits' effect only.
+/// Neither NaN nor infinite. A build with -ffinite-math-only would make this always true; core's
+/// flags exclude it.
 static inline bool vg_finite(double x) { return x - x == 0.0; }
 /// Into (-pi, pi]. |x| <= 1e6.
 double vg_wrap_angle(double x);

@@ -229,7 +229,8 @@ static double switched(const search* self, const vg_joint_actions* kept)
     return sum;
 }
 
-// The share of the budget of step t is 1/(t/2 + 1) (findings/paper.md); the rest goes to step 0.
+// The share of the budget of step t is 1/(t/2 + 1), as in the program of the paper's authors; the
+// rest goes to step 0.
 static uint32_t share_of(uint32_t budget, uint32_t step, uint32_t steps)
 {
     double sum = 0.0;

@@ -1,6 +1,6 @@
 /// All candidates of one segment, evaluated eight at a time: cost (Eq. 7 to 9), limits, and a
-/// swept collision filter against every track. Measured against the physical limit in
-/// findings/trajectory.md section 4.
+/// swept collision filter against every track. The eight share one profile s(t) and differ in their
+/// end offset, so a point of the reference line is looked up once for all of them.
 #ifndef VG_BATCH_H
 #define VG_BATCH_H
 

@@ -9,8 +9,8 @@
 extern "C" {
 #endif
 
-/// Parts a step is cut into where the coarse filter alarms (findings/trajectory.md section 5:
-/// samples alone miss up to 4 % of contacts).
+/// Parts a step is cut into where the coarse filter alarms. Samples 0.1 s apart alone miss contacts,
+/// as measured: 3.7 % of those with crossing and 1.4 % of those with oncoming vehicles.
 enum { VG_CONTACT_PARTS = 5 };
 
 /// First index k in (from, to] such that a and b touch on the way from sample k - 1 to sample k,

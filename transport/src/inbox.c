@@ -36,7 +36,7 @@ static const inbox_param params[] = {
     { "old_margin_m", "m", offsetof(inbox_limits, old_margin_m), 0.0, 5.0,
       "Added to every side of a body whose state is older than obstacle_ms." },
     { "jump_m", "m", offsetof(inbox_limits, jump_m), 1.0, 1000.0,
-      "A vehicle found further than this beyond what it can have driven is two with one id." },
+      "A state further than this from where the vehicle can have driven is refused." },
 };
 enum { PARAM_COUNT = sizeof params / sizeof params[0] };
 

@@ -1,5 +1,6 @@
 /// One mutex, two conditions, one counter of work handed out. A planning step has a few dozen
 /// tasks of about a millisecond each, so taking the mutex once a task costs nothing that shows.
+#define _GNU_SOURCE
 #include "executor.h"
 
 #include <errno.h>
@@ -109,6 +110,7 @@ static void take_tasks(executor* pool)
 static void* help(void* context)
 {
     executor* pool = context;
+    pthread_setname_np(pthread_self(), "verge-helper");
     pthread_mutex_lock(&pool->mutex);
     while (!pool->closing) {
         take_tasks(pool);

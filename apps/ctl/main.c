@@ -25,7 +25,8 @@ enum {
     EXIT_USAGE = 64,
     EXIT_UNAVAILABLE = 69, // no daemon there
     ANSWER_MAX = 1 << 20,  // [B]
-    PATIENCE_S = 10,       // a reload may build a large planner
+    PATIENCE_S = 10,
+    RELOAD_PATIENCE_S = 60, // it may read a large road and build a large planner
 };
 
 static int  ask(const char* path, const char* request, char* answer, size_t size);
@@ -100,7 +101,8 @@ static int ask(const char* path, const char* request, char* answer, size_t size)
         return EXIT_USAGE;
     }
     strcpy(address.sun_path, path);
-    const struct timeval patience = { .tv_sec = PATIENCE_S };
+    const bool reload = strcmp(request, "reload") == 0;
+    const struct timeval patience = { .tv_sec = reload ? RELOAD_PATIENCE_S : PATIENCE_S };
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);

@@ -43,10 +43,9 @@ void buses_close(buses* self)
     memset(self, 0, sizeof *self);
 }
 
-void buses_succeed(buses* self, buses* others)
+void buses_succeed(buses* self, const buses* others)
 {
     self->past = buses_statistics(others);
-    buses_close(others);
 }
 
 uint32_t buses_poll(const buses* self, struct pollfd ends[CONFIG_BUSES_MAX])

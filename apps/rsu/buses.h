@@ -32,8 +32,8 @@ int  buses_open(buses* self, const config* config, void (*log)(void* context, co
                 char* error, size_t error_size);
 void buses_close(buses* self); ///< all zero is fine
 
-/// Takes the place of others: their counters go on counting. `others` is closed.
-void buses_succeed(buses* self, buses* others);
+/// Takes the place of others, which are closed later: their counters go on counting here.
+void buses_succeed(buses* self, const buses* others);
 
 /// What to poll for, a descriptor a bus. Returns how many.
 uint32_t buses_poll(const buses* self, struct pollfd ends[CONFIG_BUSES_MAX]);

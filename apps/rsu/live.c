@@ -33,7 +33,7 @@
 enum {
     DRAIN_BATCH = 64,
     DRAIN_ROUNDS_MAX = 64,   // before a cycle: the whole socket buffer, but not a flood's length
-    OWN_ENDS = 4,            // descriptors of the loop itself: signals, planning, timers
+    OWN_ENDS = 5,            // descriptors of the loop itself: signals, planning, reload, timers
     STATUS_PERIOD_MS = 1000, // and on each change of state or fault
     RECORD_PATIENCE_US = 300000, // for what waits when the recording ends: within a second all
     LOG_PATIENCE_US = 200000,    // has to be over at SIGTERM
@@ -41,9 +41,8 @@ enum {
 
 typedef struct live {
     const live_options* options;
-    setup          now;          // in force
-    setup          next;         // waits for the next cycle; config null: nothing waits
-    recorder*      record;       // null: not recording
+    setup          now;          // in effect
+    reloader       reloader;     // makes the next one
     uint64_t       record_dropped; // by recordings that have ended
     worker*        worker;
     int            signal_fd, cycle_fd, status_fd;
@@ -218,7 +217,7 @@ static int open_ends(live* self)
         return 0;
     }
     const char* path = self->options->record_path;
-    return recorder_open(&self->record, path, error, sizeof error) ? 0 : fail(EXIT_OS, error);
+    return recorder_open(&self->now.record, path, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
 /// Those the loop answers.
@@ -252,16 +251,21 @@ static int open_descriptors(live* self)
     }
     char error[CONFIG_ERROR_SIZE];
     const service* service = &self->now.config->service;
-    self->worker = worker_create(&service->planning);
+    self->worker = worker_create("verge-plan", &service->planning);
     if (self->worker == NULL) {
         realtime_explain(service, errno, error, sizeof error);
         return fail(EXIT_OS, error);
+    }
+    const reloader_def def = { self->options->config_path, &self->now, log_complaint };
+    if (!reloader_open(&self->reloader, &def)) {
+        return fail(EXIT_OS, "the system refused a thread for reloads, expected a higher "
+                             "LimitNPROC or TasksMax");
     }
     return 0;
 }
 
 static operators_view look(void* context);
-static bool reload(void* context, char error[CONFIG_ERROR_SIZE]);
+static reload_result reload(void* context, uint64_t* ticket, const char** reason);
 
 /// The operators' ends, if any are asked for; and then, everything being there, memory is locked.
 static int open_operators(live* self)
@@ -300,6 +304,7 @@ static void arm(int timer_fd, uint32_t period_ms)
 static bool on_signals(live* self);
 static void on_bus(live* self);
 static void on_planned(live* self);
+static void on_reload_over(live* self);
 static void on_tick(live* self);
 static void on_status_due(live* self);
 static void check_record(live* self);
@@ -312,6 +317,7 @@ static void loop(live* self)
         struct pollfd ends[OWN_ENDS + CONFIG_BUSES_MAX + OPERATORS_ENDS] = {
             { .fd = self->signal_fd, .events = POLLIN },
             { .fd = worker_fd(self->worker), .events = POLLIN },
+            { .fd = reloader_fd(&self->reloader), .events = POLLIN },
             { .fd = self->cycle_fd, .events = POLLIN },
             { .fd = self->status_fd, .events = POLLIN },
         };
@@ -328,6 +334,7 @@ static void loop(live* self)
         // out before anything else.
         on_planned(self);
         check_record(self);
+        on_reload_over(self);
         if (limit > 0 && self->cycle_count >= limit && !worker_busy(self->worker)) {
             return;
         }
@@ -344,7 +351,7 @@ static void count_dropped(live* self)
 {
     self->status.log_dropped = log_dropped();
     self->status.record_dropped =
-        self->record_dropped + (self->record != NULL ? recorder_dropped(self->record) : 0);
+        self->record_dropped + recorder_dropped(self->now.record);
 }
 
 static void on_status_due(live* self)
@@ -405,24 +412,24 @@ static void on_bus(live* self)
 
 static void record_message(live* self, int64_t utime, const transport_message* message)
 {
-    if (self->record != NULL) {
-        recorder_put(self->record, utime, message);
+    if (self->now.record != NULL) {
+        recorder_put(self->now.record, utime, message);
     }
 }
 
 /// False: what waited could not be written in time.
 static bool end_record(live* self)
 {
-    self->record_dropped += self->record != NULL ? recorder_dropped(self->record) : 0;
-    const bool whole = recorder_close(self->record, RECORD_PATIENCE_US);
-    self->record = NULL;
+    self->record_dropped += recorder_dropped(self->now.record);
+    const bool whole = recorder_close(self->now.record, RECORD_PATIENCE_US);
+    self->now.record = NULL;
     return whole;
 }
 
 /// A recording that cannot be written ends; planning does not.
 static void check_record(live* self)
 {
-    const int fault = self->record != NULL ? recorder_fault(self->record) : 0;
+    const int fault = recorder_fault(self->now.record);
     if (fault != 0) {
         log_event(LOG_ERROR, "record_ended", "reason=write_failed error=\"%s\"", strerror(fault));
         status_fault(&self->status, RSU_FAULT_RECORD, 0, true);
@@ -542,7 +549,7 @@ static void send_messages(live* self)
             log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
                       plan->reason);
         }
-        if (self->record != NULL) {
+        if (self->now.record != NULL) {
             static transport_message message; // large; there is one main thread
             message.kind = TRANSPORT_PLAN;
             message.as.plan = *plan;
@@ -568,14 +575,15 @@ static operators_view look(void* context)
 
 // ---- signals, new configuration -----------------------------------------------------------
 
+static uint64_t ask_reload(live* self);
+
 /// True: it is time to stop.
 static bool on_signals(live* self)
 {
     struct signalfd_siginfo info;
     while (read(self->signal_fd, &info, sizeof info) == (ssize_t)sizeof info) {
-        char error[CONFIG_ERROR_SIZE];
         if (info.ssi_signo == SIGHUP) {
-            reload(self, error);
+            ask_reload(self);
         } else if (info.ssi_signo == SIGUSR1) {
             tell_statistics(&self->teller, instant_now());
         } else {
@@ -587,39 +595,59 @@ static bool on_signals(live* self)
     return false;
 }
 
-/// The configuration is read again; it takes force at the next cycle. False: refused, the old one
-/// stays, error holds the reason.
-static bool reload(void* context, char error[CONFIG_ERROR_SIZE])
+/// The configuration is read again, now or after the reload that is under way.
+static uint64_t ask_reload(live* self)
 {
-    live* self = context;
     char reloading[64];
     snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
              clock_us(CLOCK_MONOTONIC));
     notify_send(&self->notify, reloading);
-    setup_free(&self->next);
-    const int code = reload_prepare(&self->next, &self->now, self->options->config_path,
-                                    log_complaint, error);
-    if (code == 0) {
-        return true;
-    }
-    log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
-              self->now.config->config_crc32, log_words(error));
-    status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
-    notify_send(&self->notify, "READY=1");
-    return false;
+    return reloader_ask(&self->reloader);
 }
 
-/// At a cycle boundary, the worker at rest: the configuration that waits takes force.
+static reload_result reload(void* context, uint64_t* ticket, const char** reason)
+{
+    live* self = context;
+    *ticket = *ticket == 0 ? ask_reload(self) : *ticket;
+    *reason = self->reloader.error;
+    return reloader_answer(&self->reloader, *ticket);
+}
+
+static void notify_settled(live* self)
+{
+    if (reloader_settled(&self->reloader)) {
+        notify_send(&self->notify, "READY=1");
+    }
+}
+
+/// A configuration that was accepted waits for install_next(); one that was refused is logged.
+static void on_reload_over(live* self)
+{
+    if (reloader_collect(&self->reloader) == RELOAD_REFUSED) {
+        log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
+                  self->now.config->config_crc32, log_words(self->reloader.error));
+        status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
+        notify_settled(self);
+    }
+}
+
+/// At a cycle boundary, the worker at rest: the configuration that waits takes effect.
 static void install_next(live* self)
 {
-    if (self->next.config == NULL) {
+    const setup* next = reloader_next(&self->reloader);
+    if (next == NULL) {
         return;
     }
-    const cycle_def def = config_cycle_def(self->next.config, &self->next.planner);
+    const cycle_def def = config_cycle_def(next->config, &next->planner);
     cycle_swap(&self->cycle, &def);
-    const bool period_changed = self->next.config->cycle_ms != self->now.config->cycle_ms;
-    const bool buses_changed = self->next.buses.count > 0;
-    reload_install(&self->now, &self->next);
+    const bool period_changed = next->config->cycle_ms != self->now.config->cycle_ms;
+    const bool buses_changed = next->buses.count > 0;
+    // A recording holds one configuration: what follows could not be replayed with either.
+    if (self->now.record != NULL) {
+        log_event(LOG_WARNING, "record_ended", "reason=configuration_changed");
+        self->record_dropped += recorder_dropped(self->now.record);
+    }
+    reloader_install(&self->reloader);
     if (buses_changed) {
         inbox_forget_senders(&self->cycle.inbox); // theirs have other numbers
     }
@@ -629,15 +657,10 @@ static void install_next(live* self)
     }
     open_log(self);
     status_fault_clear(&self->status, RSU_FAULT_CONFIG);
-    // A recording holds one configuration: what follows could not be replayed with either.
-    if (self->record != NULL) {
-        log_event(LOG_WARNING, "record_ended", "reason=configuration_changed");
-        end_record(self);
-    }
     log_event(LOG_INFO, "config_in_force", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
               self->now.config->config_crc32, self->now.config->map_crc32,
               self->now.config->cycle_ms);
-    notify_send(&self->notify, "READY=1");
+    notify_settled(self);
 }
 
 // ---- stop ---------------------------------------------------------------------------------
@@ -657,9 +680,9 @@ static int stop(live* self)
     if (!end_record(self)) {
         log_event(LOG_WARNING, "record_cut", "reason=\"what waited could not be written\"");
     }
-    if (worker_busy(self->worker)) {
-        // The daemon stops within one second. A planning step may take longer, and its plan is not
-        // needed any more. The recording is complete without it.
+    if (worker_busy(self->worker) || reloader_busy(&self->reloader)) {
+        // The daemon stops within one second. A planning step or a reload may take longer, and what
+        // it makes is not needed any more. The recording is complete without it.
         operators_close(&self->operators);
         log_stop(LOG_PATIENCE_US);
         _exit(0);
@@ -673,7 +696,7 @@ static void release(live* self)
     notify_close(&self->notify);
     operators_close(&self->operators);
     worker_destroy(self->worker);
-    setup_free(&self->next);
+    reloader_close(&self->reloader);
     end_record(self);
     setup_free(&self->now);
     const int ends[] = { self->signal_fd, self->cycle_fd, self->status_fd };

@@ -1,9 +1,9 @@
 /// The daemon at work: listens to the bus, plans each cycle, broadcasts plans and its status.
 ///
-/// One loop waits on everything (bus, cycle timer, status timer, planning thread, signals); no
-/// call in it blocks, so each is answered within the length of one short task. Planning itself
-/// runs in a worker thread, see worker.h. After the line `event=READY` nothing here allocates,
-/// except when SIGHUP has the configuration read again.
+/// One loop waits on everything (buses, timers, signals, operators, and the threads that plan and
+/// reload); no call in it blocks, so each is answered within the length of one short task. Planning
+/// runs in a worker thread (worker.h), a reload in another (reload.h), and two more write the log and
+/// the recording (outlet.h). After the line `event=READY` only a reload allocates, in its thread.
 #ifndef VERGE_RSU_LIVE_H
 #define VERGE_RSU_LIVE_H
 

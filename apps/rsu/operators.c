@@ -8,8 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
-static void on_control(void* context, const char* request, text* answer);
-static void on_scrape(void* context, const char* request, text* answer);
+static bool on_control(void* context, const char* request, uint64_t* ticket, text* answer);
+static bool on_scrape(void* context, const char* request, uint64_t* ticket, text* answer);
 
 int operators_open(operators* self, const service* service, const operators_def* def,
                    char error[CONFIG_ERROR_SIZE])
@@ -53,8 +53,22 @@ void operators_serve(operators* self, int64_t now)
     server_serve(self->metrics, now);
 }
 
-/// verge-ctl asks: one word, one line of JSON back.
-static void on_control(void* context, const char* request, text* answer)
+static bool on_reload(const operators_def* def, uint64_t* ticket, text* answer)
+{
+    const char* reason = "";
+    const reload_result result = def->reload(def->context, ticket, &reason);
+    if (result == RELOAD_PENDING) {
+        return false;
+    }
+    const bool accepted = result == RELOAD_ACCEPTED;
+    text_add(answer, "{\"accepted\":%s,\"reason\":", accepted ? "true" : "false");
+    text_add_string(answer, accepted ? "" : reason);
+    text_add(answer, "}\n");
+    return true;
+}
+
+/// verge-ctl asks: one word, one line of JSON back. The answer to `reload` takes as long as that.
+static bool on_control(void* context, const char* request, uint64_t* ticket, text* answer)
 {
     const operators_def* def = &((operators*)context)->def;
     const operators_view view = def->look(def->context);
@@ -66,20 +80,18 @@ static void on_control(void* context, const char* request, text* answer)
     } else if (strcmp(word, "plans") == 0) {
         report_plans(answer, view.cycle);
     } else if (strcmp(word, "reload") == 0) {
-        char error[CONFIG_ERROR_SIZE] = "";
-        const bool accepted = def->reload(def->context, error);
-        text_add(answer, "{\"accepted\":%s,\"reason\":", accepted ? "true" : "false");
-        text_add_string(answer, accepted ? "" : error);
-        text_add(answer, "}\n");
+        return on_reload(def, ticket, answer);
     } else {
         text_add(answer, "{\"error\":\"unknown request, expected status, vehicles, plans or "
                  "reload\"}\n");
     }
+    return true;
 }
 
 /// Prometheus asks, by HTTP. There is one page.
-static void on_scrape(void* context, const char* request, text* answer)
+static bool on_scrape(void* context, const char* request, uint64_t* ticket, text* answer)
 {
+    (void)ticket;
     static const char PAGE[] = "GET /metrics";
     const operators_def* def = &((operators*)context)->def;
     const char* line = request != NULL ? request : "";
@@ -96,6 +108,7 @@ static void on_scrape(void* context, const char* request, text* answer)
         const operators_view view = def->look(def->context);
         report_metrics(answer, &view.status, &view.losses, view.cycle, &view.bus);
     }
+    return true;
 }
 
 void operators_write(operators* self)

@@ -8,6 +8,7 @@
 
 #include "config.h"
 #include "cycle.h"
+#include "reload.h"
 #include "report.h"
 #include "server.h"
 
@@ -26,8 +27,9 @@ typedef struct operators_view {
 typedef struct operators_def {
     void*          context;
     operators_view (*look)(void* context);
-    /// False: refused, the reason is in error.
-    bool           (*reload)(void* context, char error[CONFIG_ERROR_SIZE]);
+    /// *ticket 0: asks for a reload, and gives it a ticket. Else what came of that one; where it
+    /// was refused, *reason says why.
+    reload_result  (*reload)(void* context, uint64_t* ticket, const char** reason);
 } operators_def;
 
 /// All zero: nobody is served.

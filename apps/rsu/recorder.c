@@ -109,10 +109,10 @@ static void close_log(void* context)
 
 int recorder_fault(const recorder* self)
 {
-    return atomic_load(&self->fault);
+    return self != NULL ? atomic_load(&self->fault) : 0;
 }
 
 uint64_t recorder_dropped(const recorder* self)
 {
-    return outlet_dropped(self->queue) + transport_statistics(self->log).dropped;
+    return self != NULL ? outlet_dropped(self->queue) + transport_statistics(self->log).dropped : 0;
 }

@@ -30,9 +30,9 @@ bool recorder_close(recorder* self, int64_t patience_us);
 /// utime: the event's own time.
 void recorder_put(recorder* self, int64_t utime, const transport_message* message);
 
-/// Why the recording has ended, as an errno; 0: it goes on.
+/// Why the recording has ended, as an errno; 0: it goes on, or self is null.
 int      recorder_fault(const recorder* self);
-/// Events that are not in the file and never will be.
+/// Events that are not in the file and never will be. Null: 0.
 uint64_t recorder_dropped(const recorder* self);
 
 #endif

@@ -1,9 +1,17 @@
+/// See reload.h. One job of the worker at a time: it prepares `next`, or frees `old`. What belongs
+/// to the job is left alone by the main thread until the worker is collected.
 #include "reload.h"
 
 #include "realtime.h"
 
+#include "common/floating.h"
+
+#include <assert.h>
 #include <errno.h>
 #include <string.h>
+
+/// [us] for a recording whose reader is slow.
+enum { RECORD_PATIENCE_US = 5000000 };
 
 /// Starts the helpers a configuration asks for. Returns 0, or EXIT_OS with a line in error.
 static int pool_start(executor** pool, const config* config, char error[CONFIG_ERROR_SIZE])
@@ -29,6 +37,7 @@ int setup_build(setup* self, char error[CONFIG_ERROR_SIZE])
 
 void setup_free(setup* self)
 {
+    recorder_close(self->record, RECORD_PATIENCE_US);
     buses_close(&self->buses);
     config_planner_free(&self->planner);
     executor_destroy(self->pool);
@@ -36,34 +45,140 @@ void setup_free(setup* self)
     memset(self, 0, sizeof *self);
 }
 
-int reload_prepare(setup* next, const setup* now, const char* path,
-                   void (*log)(void* context, const char* line), char error[CONFIG_ERROR_SIZE])
+// ---- the main thread ------------------------------------------------------------------------
+
+static void begin(reloader* self);
+static void prepare_job(void* arg);
+static void retire_job(void* arg);
+
+bool reloader_open(reloader* self, const reloader_def* def)
 {
-    int code = config_load(&next->config, path, error);
-    if (code == 0 && !config_may_follow(now->config, next->config, error)) {
+    memset(self, 0, sizeof *self);
+    self->def = *def;
+    self->worker = worker_create("verge-reload", NULL);
+    return self->worker != NULL;
+}
+
+void reloader_close(reloader* self)
+{
+    worker_destroy(self->worker);
+    setup_free(&self->next);
+    setup_free(&self->old);
+    memset(self, 0, sizeof *self);
+}
+
+int reloader_fd(const reloader* self)
+{
+    return worker_fd(self->worker);
+}
+
+uint64_t reloader_ask(reloader* self)
+{
+    if (self->phase == RELOAD_IDLE) {
+        begin(self);
+        return self->begun;
+    }
+    self->again = true;
+    return self->begun + 1;
+}
+
+reload_result reloader_answer(const reloader* self, uint64_t ticket)
+{
+    return self->ended >= ticket ? self->result : RELOAD_PENDING;
+}
+
+static void begin(reloader* self)
+{
+    assert(self->phase == RELOAD_IDLE);
+    self->again = false;
+    self->begun++;
+    self->phase = RELOAD_PREPARING;
+    worker_start(self->worker, prepare_job, self);
+}
+
+reload_result reloader_collect(reloader* self)
+{
+    if (!worker_collect(self->worker)) {
+        return RELOAD_PENDING;
+    }
+    reload_result result = RELOAD_PENDING;
+    if (self->phase == RELOAD_PREPARING) {
+        result = self->code == 0 ? RELOAD_ACCEPTED : RELOAD_REFUSED;
+        self->result = result;
+        self->ended++;
+        memcpy(self->error, self->code_error, sizeof self->error);
+    }
+    self->phase = result == RELOAD_ACCEPTED ? RELOAD_PREPARED : RELOAD_IDLE;
+    if (self->phase == RELOAD_IDLE && self->again) {
+        begin(self);
+    }
+    return result;
+}
+
+const setup* reloader_next(const reloader* self)
+{
+    return self->phase == RELOAD_PREPARED ? &self->next : NULL;
+}
+
+void reloader_install(reloader* self)
+{
+    assert(self->phase == RELOAD_PREPARED);
+    setup* now = self->def.now;
+    self->old = *now;
+    *now = self->next;
+    memset(&self->next, 0, sizeof self->next);
+    if (now->buses.count > 0) {
+        buses_succeed(&now->buses, &self->old.buses);
+    } else {
+        now->buses = self->old.buses;
+        memset(&self->old.buses, 0, sizeof self->old.buses);
+    }
+    self->phase = RELOAD_RETIRING;
+    worker_start(self->worker, retire_job, self);
+}
+
+bool reloader_busy(const reloader* self)
+{
+    return self->phase == RELOAD_PREPARING || self->phase == RELOAD_RETIRING;
+}
+
+bool reloader_settled(const reloader* self)
+{
+    return !self->again && (self->phase == RELOAD_IDLE || self->phase == RELOAD_RETIRING);
+}
+
+// ---- the reload's thread --------------------------------------------------------------------
+
+/// Everything that is needed to follow `now`. Buses are opened only where they differ.
+static int prepare(setup* next, const reloader_def* def, char error[CONFIG_ERROR_SIZE])
+{
+    const config* now = def->now->config;
+    int code = config_load(&next->config, def->path, error);
+    if (code == 0 && !config_may_follow(now, next->config, error)) {
         code = EXIT_CONFIG;
     }
     if (code == 0) {
         code = setup_build(next, error);
     }
-    if (code == 0 && !config_same_buses(next->config, now->config)) {
-        code = buses_open(&next->buses, next->config, log, error, CONFIG_ERROR_SIZE);
-    }
-    if (code != 0) {
-        setup_free(next);
+    if (code == 0 && !config_same_buses(next->config, now)) {
+        code = buses_open(&next->buses, next->config, def->log, error, CONFIG_ERROR_SIZE);
     }
     return code;
 }
 
-void reload_install(setup* now, setup* next)
+static void prepare_job(void* arg)
 {
-    if (next->buses.count > 0) {
-        buses_succeed(&next->buses, &now->buses);
-    } else {
-        next->buses = now->buses;
-        memset(&now->buses, 0, sizeof now->buses);
+    reloader* self = arg;
+    floating_correct(); // before the first number is read
+    self->code_error[0] = '\0';
+    self->code = prepare(&self->next, &self->def, self->code_error);
+    if (self->code != 0) {
+        setup_free(&self->next);
     }
-    setup_free(now);
-    *now = *next;
-    memset(next, 0, sizeof *next);
+}
+
+static void retire_job(void* arg)
+{
+    reloader* self = arg;
+    setup_free(&self->old);
 }

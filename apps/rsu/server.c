@@ -1,4 +1,4 @@
-/// See server.h. A client first asks, then is answered; there is no third state.
+/// See server.h. A client first asks, then waits where its answer takes time, then is answered.
 #define _GNU_SOURCE
 #include "server.h"
 
@@ -12,14 +12,18 @@
 
 enum { REST_MAX = 64 }; // pieces of a request that nobody reads: who sends more is cut off
 
+typedef enum client_state { ASKING, WAITING, ANSWERED } client_state;
+
 typedef struct client {
-    int     fd;      // -1: free
-    int64_t until;   // [us]
-    bool    asked;   // the request is complete, the answer is under way
-    size_t  size;    // of what was read of the request
-    size_t  sent;    // of the answer
-    char    request[SERVER_REQUEST];
-    text    answer;  // in a buffer of its own
+    int      fd;     // -1: free
+    int64_t  until;  // [us]
+    client_state state;
+    bool     garbled; // the request is too long or not a text
+    uint64_t ticket; // of whoever answers
+    size_t   size;   // of what was read of the request
+    size_t   sent;   // of the answer
+    char     request[SERVER_REQUEST];
+    text     answer; // in a buffer of its own
 } client;
 
 struct server {
@@ -143,8 +147,10 @@ void server_close(server* self)
 // ---- serving ------------------------------------------------------------------------------
 
 static void welcome(server* self, client* client, int64_t now);
-static bool attend(server* self, client* client);
-static bool hear(server* self, client* client, bool* asked);
+static bool attend(server* self, client* client, int64_t now);
+static bool hear(server* self, client* client);
+static bool answer(server* self, client* client, int64_t now);
+static bool deliver(client* client);
 
 uint32_t server_ends(const server* self, struct pollfd* ends)
 {
@@ -155,8 +161,10 @@ uint32_t server_ends(const server* self, struct pollfd* ends)
     for (uint32_t i = 0; i < SERVER_CLIENTS; i++) {
         const client* client = &self->clients[i];
         if (client->fd >= 0) {
-            ends[count++] = (struct pollfd){ .fd = client->fd,
-                                             .events = client->asked ? POLLOUT : POLLIN };
+            const short events = client->state == ASKING     ? POLLIN
+                                 : client->state == ANSWERED ? POLLOUT
+                                                             : 0; // its end alone
+            ends[count++] = (struct pollfd){ .fd = client->fd, .events = events };
         }
     }
     if (count < SERVER_CLIENTS) { // else newcomers wait in the system's queue
@@ -172,7 +180,7 @@ void server_serve(server* self, int64_t now)
         if (client->fd < 0) {
             welcome(self, client, now);
         }
-        if (client->fd >= 0 && (!attend(self, client) || now > client->until)) {
+        if (client->fd >= 0 && (!attend(self, client, now) || now > client->until)) {
             close(client->fd);
             client->fd = -1;
         }
@@ -183,36 +191,22 @@ static void welcome(server* self, client* client, int64_t now)
 {
     client->fd = accept4(self->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
     client->until = now + SERVER_PATIENCE_US;
-    client->asked = false;
+    client->state = ASKING;
+    client->garbled = false;
+    client->ticket = 0;
     client->size = client->sent = 0;
 }
 
 /// One client, as far as it goes without waiting. False: it is done, or gone.
-static bool attend(server* self, client* client)
+static bool attend(server* self, client* client, int64_t now)
 {
-    if (!client->asked && !hear(self, client, &client->asked)) {
-        return false;
-    }
-    while (client->asked && client->sent < client->answer.size) {
-        const ssize_t sent = send(client->fd, client->answer.bytes + client->sent,
-                                  client->answer.size - client->sent, MSG_NOSIGNAL);
-        if (sent < 0) {
-            return errno == EAGAIN || errno == EINTR;
-        }
-        client->sent += (size_t)sent;
-    }
-    if (client->asked) { // what is still unread would turn our closing into a reset
-        char rest[SERVER_REQUEST];
-        shutdown(client->fd, SHUT_WR);
-        for (int i = 0; i < REST_MAX && recv(client->fd, rest, sizeof rest, 0) > 0; i++) {
-        }
-    }
-    return !client->asked;
+    return (client->state != ASKING || hear(self, client)) &&
+           (client->state != WAITING || answer(self, client, now)) &&
+           (client->state != ANSWERED || deliver(client));
 }
 
-/// Reads, and answers when the request is complete. False: the client is gone or says nothing
-/// sensible.
-static bool hear(server* self, client* client, bool* asked)
+/// Reads, up to the end of the request. False: the client is gone.
+static bool hear(server* self, client* client)
 {
     const size_t  room = sizeof client->request - 1 - client->size;
     const ssize_t got = recv(client->fd, client->request + client->size, room, 0);
@@ -221,17 +215,44 @@ static bool hear(server* self, client* client, bool* asked)
     }
     client->size += (size_t)got;
     client->request[client->size] = '\0';
-    char*      end = strstr(client->request, self->def.end);
-    const bool hopeless = end == NULL && (client->size + 1 == sizeof client->request ||
-                                          strlen(client->request) != client->size);
-    if (end == NULL && !hopeless) {
-        return true;
-    }
+    char* end = strstr(client->request, self->def.end);
+    client->garbled = end == NULL && (client->size + 1 == sizeof client->request ||
+                                      strlen(client->request) != client->size);
     if (end != NULL) {
         *end = '\0';
     }
+    client->state = end != NULL || client->garbled ? WAITING : ASKING;
+    return true;
+}
+
+/// False: the client is gone, or its answer does not fit.
+static bool answer(server* self, client* client, int64_t now)
+{
+    const char* request = client->garbled ? NULL : client->request;
     client->answer = text_in(client->answer.bytes, client->answer.room);
-    self->def.answer(self->def.context, hopeless ? NULL : client->request, &client->answer);
-    *asked = true;
-    return !client->answer.cut;
+    if (self->def.answer(self->def.context, request, &client->ticket, &client->answer)) {
+        client->state = ANSWERED;
+        return !client->answer.cut;
+    }
+    client->until = now + SERVER_PATIENCE_US;
+    struct pollfd end = { .fd = client->fd };
+    return poll(&end, 1, 0) == 0;
+}
+
+static bool deliver(client* client)
+{
+    while (client->sent < client->answer.size) {
+        const ssize_t sent = send(client->fd, client->answer.bytes + client->sent,
+                                  client->answer.size - client->sent, MSG_NOSIGNAL);
+        if (sent < 0) {
+            return errno == EAGAIN || errno == EINTR;
+        }
+        client->sent += (size_t)sent;
+    }
+    // What is still unread would turn our closing into a reset.
+    char rest[SERVER_REQUEST];
+    shutdown(client->fd, SHUT_WR);
+    for (int i = 0; i < REST_MAX && recv(client->fd, rest, sizeof rest, 0) > 0; i++) {
+    }
+    return false;
 }

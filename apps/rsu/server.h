@@ -8,7 +8,8 @@
 ///
 /// A request is all up to `end`; it gets one answer and the connection is closed. At most
 /// SERVER_CLIENTS at a time, others wait in the system's queue; each has SERVER_PATIENCE_US from
-/// connecting to having read its answer, and SERVER_REQUEST bytes to ask.
+/// connecting to having read its answer, not counting the time until there is one, and
+/// SERVER_REQUEST bytes to ask.
 ///
 /// Memory      server_open_*() allocate everything; nothing else does.
 /// Threads     One. Null is a server that serves nobody.
@@ -34,8 +35,9 @@ typedef struct server_def {
     const char* end;         ///< what ends a request
     size_t      answer_size; ///< [B] room for an answer
     /// request: ends with a zero byte instead of `end`; null: too long or not a text. An answer
-    /// that does not fit (answer->cut) is not sent.
-    void      (*answer)(void* context, const char* request, text* answer);
+    /// that does not fit (answer->cut) is not sent. False: there is no answer yet, ask again at the
+    /// next server_serve(). *ticket is 0 when a request is first asked, and keeps what is put there.
+    bool      (*answer)(void* context, const char* request, uint64_t* ticket, text* answer);
     void*       context;
 } server_def;
 

@@ -10,18 +10,18 @@
 #include <unistd.h>
 
 struct worker {
+    const char* name;
     pthread_t thread;
     sem_t     jobs;    // posted once a job, and once to close
     int       done_fd; // eventfd: ended jobs that are not collected
     bool      busy;    // of the main thread only
-    bool      closing; // written before the last post
-    void    (*job)(void* arg);
+    void    (*job)(void* arg); // null: the one that was started is taken
     void*     arg;
 };
 
 static void* work(void* context);
 
-worker* worker_create(const thread_options* options)
+worker* worker_create(const char* name, const thread_options* options)
 {
     worker* self = calloc(1, sizeof *self);
     if (self == NULL) {
@@ -32,6 +32,7 @@ worker* worker_create(const thread_options* options)
         free(self);
         return NULL;
     }
+    self->name = name;
     sem_init(&self->jobs, 0, 0);
     const int refused = thread_start(&self->thread, options, work, self);
     if (refused != 0) {
@@ -49,8 +50,7 @@ void worker_destroy(worker* self)
     if (self == NULL) {
         return;
     }
-    self->closing = true;
-    sem_post(&self->jobs);
+    sem_post(&self->jobs); // after a job that was started, one that is none
     pthread_join(self->thread, NULL);
     sem_destroy(&self->jobs);
     close(self->done_fd);
@@ -90,14 +90,16 @@ bool worker_collect(worker* self)
 static void* work(void* context)
 {
     worker* self = context;
-    pthread_setname_np(pthread_self(), "verge-plan");
+    pthread_setname_np(pthread_self(), self->name);
     for (;;) {
         while (sem_wait(&self->jobs) != 0) {
         }
-        if (self->closing) {
+        void (*const job)(void* arg) = self->job;
+        if (job == NULL) {
             return NULL;
         }
-        self->job(self->arg);
+        self->job = NULL;
+        job(self->arg);
         const uint64_t one = 1;
         const ssize_t ignored = write(self->done_fd, &one, sizeof one);
         (void)ignored;

@@ -1,9 +1,10 @@
-/// One thread that plans while the daemon's main thread keeps listening.
+/// One thread for long jobs, such as a planning step or a reload, while the daemon's main thread
+/// keeps listening.
 ///
 /// A planning step may take most of a cycle, and stopping has to work within a second whatever
-/// the planner is doing. So the step runs here, and the main thread hears of its end through a
-/// descriptor. One job at a time; between worker_start() and the end told by the descriptor the
-/// job's data belongs to the worker. Nothing is allocated after worker_create().
+/// the planner does. So the step runs here, and a descriptor shows its end to the main thread. One
+/// job at a time; from worker_start() to worker_collect() the job's data belongs to the worker.
+/// Nothing is allocated after worker_create().
 #ifndef VERGE_RSU_WORKER_H
 #define VERGE_RSU_WORKER_H
 
@@ -13,9 +14,10 @@
 
 typedef struct worker worker;
 
-/// options null: as the caller runs. Null when the system refuses a thread or a descriptor: errno.
-worker* worker_create(const thread_options* options);
-/// Waits for a running job. Null is fine.
+/// name: of the thread, at most 15 characters; it outlives the worker. options null: as the caller
+/// runs. Null when the system refuses a thread or a descriptor: errno.
+worker* worker_create(const char* name, const thread_options* options);
+/// Waits for a job that was started. Null is fine.
 void worker_destroy(worker* self);
 
 /// Descriptor that becomes readable when the job is over.

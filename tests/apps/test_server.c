@@ -1,11 +1,10 @@
 /// Goal: a server answers whoever asks, waits for nobody, and leaves no socket behind; a file is
-/// replaced as a whole or not at all; the manager's socket may have a path or an abstract name.
+/// replaced as a whole or not at all.
 /// Method: clients in the same thread on real sockets, served step by step; clients that ask in
 /// pieces, too much, nothing, or do not read; time is a number.
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/notify.h"
 #include "rsu/replace.h"
 #include "rsu/server.h"
 
@@ -31,11 +30,19 @@ static const char* path_of(const char* name)
     return path;
 }
 
-/// "large": more than a socket's buffers hold; "none": an answer that does not fit.
-static void on_request(void* context, const char* request, text* answer)
+static bool due;
+
+/// "large": more than a socket's buffers hold; "none": an answer that does not fit; "later": one that
+/// takes until it is due.
+static bool on_request(void* context, const char* request, uint64_t* ticket, text* answer)
 {
     int* asked = context;
     (*asked)++;
+    if (request != NULL && strcmp(request, "later") == 0 && !due) {
+        text_add(answer, "not to be sent");
+        *ticket += 1;
+        return false;
+    }
     if (request == NULL) {
         text_add(answer, "what?\n");
     } else if (strcmp(request, "large") == 0) {
@@ -45,6 +52,7 @@ static void on_request(void* context, const char* request, text* answer)
     } else {
         text_add(answer, "%s!\n", request);
     }
+    return true;
 }
 
 static server* open_server(const char* path, int* asked)
@@ -270,67 +278,33 @@ static void test_a_file_is_replaced_whole_or_not_at_all(void** state)
     assert_int_equal(remove(path_of("f")), 0);
 }
 
-static void test_the_manager_hears_lines_at_a_path_or_an_abstract_name(void** state)
+static void test_an_answer_may_come_later_however_long_that_takes(void** state)
 {
     (void)state;
-    char abstract[64];
-    snprintf(abstract, sizeof abstract, "@verge-test-%d", (int)getpid());
-    const char* const names[] = { path_of("notify"), abstract };
-    for (int i = 0; i < 2; i++) {
-        struct sockaddr_un address = { .sun_family = AF_UNIX };
-        const size_t length = strlen(names[i]);
-        memcpy(address.sun_path, names[i], length);
-        if (names[i][0] == '@') {
-            address.sun_path[0] = '\0';
-        }
-        const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0);
-        const socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + length);
-        assert_int_equal(bind(fd, (const struct sockaddr*)&address, size), 0);
-        setenv("NOTIFY_SOCKET", names[i], 1);
-        notify self;
-        assert_true(notify_open(&self));
-        notify_send(&self, "READY=1");
-        notify_status(&self, "well");
-        notify_status(&self, "well"); // nothing new
-        notify_status(&self, "better");
-        const char* const expected[] = { "READY=1", "STATUS=well", "STATUS=better" };
-        for (int k = 0; k < 3; k++) {
-            char words[64] = "";
-            assert_true(recv(fd, words, sizeof words - 1, 0) > 0);
-            assert_string_equal(words, expected[k]);
-        }
-        char rest[8];
-        assert_int_equal(recv(fd, rest, sizeof rest, 0), -1);
-        notify_close(&self);
-        notify_send(&self, "nobody");
-        close(fd);
+    int asked = 0;
+    due = false;
+    server* self = open_server(path_of("l.sock"), &asked);
+    const int fd = connect_to(path_of("l.sock"));
+    say(fd, "later\n");
+    int64_t now = 0;
+    for (int i = 0; i < 10; i++, now += SERVER_PATIENCE_US) {
+        server_serve(self, now);
     }
-    remove(path_of("notify"));
-}
+    assert_int_equal(asked, 10);
+    struct pollfd ends[SERVER_ENDS];
+    assert_int_equal(server_ends(self, ends), 2);
+    assert_int_equal(poll(ends, 1, 0), 0); // the client that waits keeps nobody awake
+    due = true;
+    assert_string_equal(answer_of(self, fd, now), "later!\n");
 
-static void test_the_watchdog_is_ours_where_it_says_so(void** state)
-{
-    (void)state;
-    unsetenv("NOTIFY_SOCKET");
-    const struct { const char *usec, *pid; int64_t expected; } CASES[] = {
-        { NULL, NULL, 0 },      { "3000000", NULL, 3000000 }, { "3000000", "1", 0 },
-        { "0", NULL, 0 },       { "soon", NULL, 0 },          { "3000000x", NULL, 0 },
-        { "-5", NULL, 0 },
-    };
-    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; i++) {
-        CASES[i].usec != NULL ? setenv("WATCHDOG_USEC", CASES[i].usec, 1)
-                              : unsetenv("WATCHDOG_USEC");
-        CASES[i].pid != NULL ? setenv("WATCHDOG_PID", CASES[i].pid, 1) : unsetenv("WATCHDOG_PID");
-        notify self;
-        assert_true(notify_open(&self));
-        assert_true(self.watchdog_us == CASES[i].expected);
-    }
-    char own[16];
-    snprintf(own, sizeof own, "%d", (int)getpid());
-    setenv("WATCHDOG_USEC", "7", 1);
-    setenv("WATCHDOG_PID", own, 1);
-    notify self;
-    assert_true(notify_open(&self) && self.watchdog_us == 7);
+    due = false;
+    const int gone = connect_to(path_of("l.sock"));
+    say(gone, "later\n");
+    server_serve(self, now);
+    close(gone);
+    server_serve(self, now);
+    assert_int_equal(server_ends(self, ends), 1); // it waits for nothing any more
+    server_close(self);
 }
 
 static int make_folder(void** state)
@@ -354,8 +328,7 @@ int main(void)
         cmocka_unit_test(test_a_socket_that_is_in_use_or_is_none_is_left_alone),
         cmocka_unit_test(test_a_port_that_is_taken_is_refused),
         cmocka_unit_test(test_a_file_is_replaced_whole_or_not_at_all),
-        cmocka_unit_test(test_the_manager_hears_lines_at_a_path_or_an_abstract_name),
-        cmocka_unit_test(test_the_watchdog_is_ours_where_it_says_so),
+        cmocka_unit_test(test_an_answer_may_come_later_however_long_that_takes),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

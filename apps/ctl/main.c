@@ -25,6 +25,7 @@ enum {
     EXIT_USAGE = 64,
     EXIT_UNAVAILABLE = 69, // no daemon there
     ANSWER_MAX = 1 << 20,  // [B]
+    FAULTS_MAX = 32,
     PATIENCE_S = 10,
     RELOAD_PATIENCE_S = 60, // it may read a large road and build a large planner
 };
@@ -164,15 +165,32 @@ static double real(const json_at* of, const char* key)
     return json_double(of, key, -1e300, 1e300);
 }
 
+/// Active faults with their numbers, the worst first.
+static void show_faults(const json_at* root)
+{
+    const json_at faults = json_member(root, "faults");
+    json_expect_array(&faults, 0, FAULTS_MAX);
+    const char*  before = ", fault ";
+    const cJSON* node = NULL;
+    cJSON_ArrayForEach(node, faults.node)
+    {
+        const char* name = cJSON_IsString(node) ? node->valuestring : "";
+        for (int32_t number = 1; number < FAULTS_MAX; number++) {
+            if (strcmp(name, message_rsu_fault(number)) == 0) {
+                printf("%s%s (%d)", before, name, number);
+                before = ", ";
+            }
+        }
+    }
+}
+
 static void show_status(const json_at* root)
 {
     const json_at of = json_member(root, "status");
     const int64_t up = (whole(&of, "utime") - whole(&of, "start_utime")) / 1000000;
     printf("verge-rsu %s, rsu_id %" PRId64 ": %s", json_string(root, "version"),
            whole(&of, "rsu_id"), json_string(root, "state"));
-    if (strcmp(json_string(root, "fault"), "none") != 0) {
-        printf(", fault %s (%" PRId64 ")", json_string(root, "fault"), whole(&of, "fault"));
-    }
+    show_faults(root);
     printf("\n  bus              %s\n", json_string(root, "bus"));
     printf("  up               %" PRId64 " h %02" PRId64 " min %02" PRId64 " s\n", up / 3600,
            up / 60 % 60, up % 60);

@@ -384,8 +384,9 @@ static void take_in_message(live* self, const transport_message* message)
         transport_sender_text(self->now.buses.bus[message->bus], message->sender, sender,
                               sizeof sender);
         status_fault(&self->status, RSU_FAULT_ID_CONFLICT, clock_us(CLOCK_MONOTONIC), false);
-        log_event(LOG_WARNING, "id_conflict", "vehicle=%d bus=%s refused_sender=%s", vehicle,
-                  self->now.config->bus[message->bus], sender);
+        log_repeated(LOG_WARNING, "id_conflict", (uint32_t)vehicle,
+                     "vehicle=%d bus=%s refused_sender=%s", vehicle,
+                     self->now.config->bus[message->bus], sender);
     } else {
         log_event(LOG_DEBUG, "state_refused", "vehicle=%d", vehicle);
     }
@@ -474,8 +475,9 @@ static void on_tick(live* self)
     if (missed > 0) {
         self->status.deadline_misses += missed;
         status_fault(&self->status, RSU_FAULT_DEADLINE, clock_us(CLOCK_MONOTONIC), false);
-        log_event(LOG_WARNING, "deadline_missed", "cycle=%" PRId64 " cycle_ms=%u total=%" PRIu64,
-                  self->cycle.number, self->now.config->cycle_ms, self->status.deadline_misses);
+        log_repeated(LOG_WARNING, "deadline_missed", 0,
+                     "cycle=%" PRId64 " cycle_ms=%u total=%" PRIu64, self->cycle.number,
+                     self->now.config->cycle_ms, self->status.deadline_misses);
     }
     if (busy) {
         send_overrun(self);
@@ -528,8 +530,9 @@ static void on_planned(live* self)
     const cycle_counters* counters = &self->cycle.counters;
     if (counters->refused > before.refused) {
         status_fault(&self->status, RSU_FAULT_PLANNER, now, false);
-        log_event(LOG_ERROR, "planner_refused", "cycle=%" PRId64 " reason=\"%s\"",
-                  self->cycle.number, verge_status_text(self->cycle.status));
+        log_repeated(LOG_ERROR, "planner_refused", (uint32_t)self->cycle.status,
+                     "cycle=%" PRId64 " reason=\"%s\"", self->cycle.number,
+                     verge_status_text(self->cycle.status));
     }
     log_event(LOG_DEBUG, "cycle",
               "number=%" PRId64 " vehicles=%u controlled=%u fallbacks=%u us=%u "
@@ -563,12 +566,17 @@ static void send_messages(live* self)
 static operators_view look(void* context)
 {
     live* self = context;
+    const instant at = instant_now();
     count_dropped(self);
     return (operators_view){
         .config = self->now.config,
         .cycle = &self->cycle,
-        .status = tell_message(&self->teller, instant_now()),
-        .losses = { self->status.log_dropped, self->status.record_dropped },
+        .status = tell_message(&self->teller, at),
+        .details = {
+            .faults = status_faults(&self->status, at.now),
+            .log_dropped = self->status.log_dropped,
+            .record_dropped = self->status.record_dropped,
+        },
         .bus = buses_statistics(&self->now.buses),
     };
 }

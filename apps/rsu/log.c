@@ -22,7 +22,7 @@ enum {
     LINE_SIZE = 512,
     JSON_SIZE = 4 * LINE_SIZE, // the worst pair, `= `, becomes three times as long
     WRITTEN_SIZE = JSON_SIZE + 8, // with the priority before it and the line break
-    EVENTS_MAX = 48, // distinct event words in this program, with room
+    RATES_MAX = 64, // more than the event words of this program, with room for causes
 };
 static_assert(WRITTEN_SIZE <= PIPE_BUF, "a pipe takes a line whole or not at all");
 
@@ -33,10 +33,12 @@ typedef struct queued_line {
 } queued_line;
 enum { QUEUED_HEAD = offsetof(queued_line, text) };
 
-/// What one event word has written in its current second.
+/// What an event word, or one cause of it, has written since a moment.
 typedef struct event_rate {
-    const char* event;
-    int64_t     second;
+    const char* event; // null: free
+    bool        of_cause;
+    uint32_t    cause;
+    int64_t     since; // [s] of a clock that never steps back
     uint32_t    written;
     uint32_t    held_back;
 } event_rate;
@@ -44,7 +46,7 @@ typedef struct event_rate {
 static log_level  level_max = LOG_INFO;
 static log_format format_now = LOG_TEXT;
 static bool       journal;
-static event_rate rates[EVENTS_MAX];
+static event_rate rates[RATES_MAX];
 static outlet*    queue;      // null: lines are written by the caller
 static bool       silent;     // the queue's thread still waits for standard error: nobody writes
 static uint64_t   dropped_before; // by a queue that is closed
@@ -56,8 +58,7 @@ static const char* const FORMAT_NAMES[] = { "text", "json" };
 
 static bool        stderr_is_journal(void);
 static size_t      json_of(const char* pairs, char* json, size_t size);
-static event_rate* rate_of(const char* event);
-static bool        rate_allows(event_rate* rate, uint32_t* held_back);
+static bool        rate_allows(const char* event, const uint32_t* cause, uint32_t* held_back);
 
 bool log_level_from(const char* text, log_level* level)
 {
@@ -99,14 +100,11 @@ void log_setup(log_format format)
 
 static void write_line(log_level level, const char* pairs, uint64_t tells);
 
-void log_event(log_level level, const char* event, const char* format, ...)
+static void log_made(log_level level, const char* event, const uint32_t* cause,
+                     const char* format, va_list args)
 {
-    if (level > level_max) {
-        return;
-    }
     uint32_t held_back = 0;
-    event_rate* rate = rate_of(event);
-    if (rate != NULL && !rate_allows(rate, &held_back)) {
+    if (level > level_max || !rate_allows(event, cause, &held_back)) {
         return;
     }
     char line[LINE_SIZE];
@@ -118,12 +116,25 @@ void log_event(log_level level, const char* event, const char* format, ...)
     }
     if (format[0] != '\0' && size + 1 < sizeof line) {
         line[size++] = ' ';
-        va_list args;
-        va_start(args, format);
         vsnprintf(line + size, sizeof line - size, format, args);
-        va_end(args);
     }
     write_line(shown, line, 0);
+}
+
+void log_event(log_level level, const char* event, const char* format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    log_made(level, event, NULL, format, args);
+    va_end(args);
+}
+
+void log_repeated(log_level level, const char* event, uint32_t cause, const char* format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    log_made(level, event, &cause, format, args);
+    va_end(args);
 }
 
 static void queue_or_write(queued_line* line, size_t size);
@@ -347,34 +358,55 @@ static size_t json_of(const char* pairs, char* json, size_t size)
 
 // ---- rates ----------------------------------------------------------------------------------
 
-/// The slot of an event word; null when there are more words than slots: then it is not limited.
-static event_rate* rate_of(const char* event)
-{
-    for (unsigned i = 0; i < EVENTS_MAX; i++) {
-        if (rates[i].event == NULL) {
-            rates[i].event = event;
-        }
-        if (strcmp(rates[i].event, event) == 0) {
-            return &rates[i];
-        }
-    }
-    return NULL;
-}
+static event_rate* rate_of(const char* event, const uint32_t* cause, const event_rate* keep,
+                           int64_t now);
+static bool        rate_open(event_rate* rate, int64_t period_s, uint32_t burst, int64_t now);
 
-static bool rate_allows(event_rate* rate, uint32_t* held_back)
+/// cause null: there is only the event's own limit.
+static bool rate_allows(const char* event, const uint32_t* cause, uint32_t* held_back)
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    if (rate->second != (int64_t)now.tv_sec) {
-        rate->second = (int64_t)now.tv_sec;
-        rate->written = 0;
-    }
-    if (rate->written >= LOG_BURST) {
-        rate->held_back++;
+    struct timespec clock;
+    clock_gettime(CLOCK_MONOTONIC, &clock);
+    const int64_t now = (int64_t)clock.tv_sec;
+    event_rate* all = rate_of(event, NULL, NULL, now);
+    event_rate* one = cause != NULL ? rate_of(event, cause, all, now) : all;
+    if ((cause != NULL && !rate_open(one, LOG_PERIOD_S, 1, now)) ||
+        !rate_open(all, 1, LOG_BURST, now)) {
+        one->held_back++;
         return false;
     }
-    rate->written++;
-    *held_back = rate->held_back;
-    rate->held_back = 0;
+    all->written++;
+    one->written += one != all ? 1 : 0;
+    *held_back = one->held_back;
+    one->held_back = 0;
     return true;
+}
+
+/// Its slot; for a new one the slot that has been quiet for longest, but not `keep`.
+static event_rate* rate_of(const char* event, const uint32_t* cause, const event_rate* keep,
+                           int64_t now)
+{
+    event_rate* oldest = NULL;
+    for (unsigned i = 0; i < RATES_MAX; i++) {
+        event_rate* rate = &rates[i];
+        if (rate->event != NULL && strcmp(rate->event, event) == 0 &&
+            rate->of_cause == (cause != NULL) && (cause == NULL || rate->cause == *cause)) {
+            return rate;
+        }
+        if (rate != keep && (oldest == NULL || rate->since < oldest->since)) {
+            oldest = rate; // a free one has been quiet since 0
+        }
+    }
+    *oldest = (event_rate){ .event = event, .of_cause = cause != NULL,
+                            .cause = cause != NULL ? *cause : 0, .since = now };
+    return oldest;
+}
+
+static bool rate_open(event_rate* rate, int64_t period_s, uint32_t burst, int64_t now)
+{
+    if (now >= rate->since + period_s) {
+        rate->since = now;
+        rate->written = 0;
+    }
+    return rate->written < burst;
 }

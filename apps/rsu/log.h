@@ -8,7 +8,9 @@
 /// priority, <3> error to <7> debug, which the journal takes off again.
 ///
 /// Each event has its own rate limit, LOG_BURST lines in a second, so that a flood of bad
-/// messages cannot drown the rest; the next line of that event tells how many were held back.
+/// messages cannot drown the rest. An event that goes on by itself (log_repeated()) is logged at
+/// once for each cause, then every LOG_PERIOD_S for as long as it goes on. The next line of a
+/// limited event tells with held_back how many were left out.
 ///
 /// Blocking    From log_start() on a thread of its own writes the lines, so that a caller never
 ///             waits, not even for a pipe that nobody reads. Lines beyond LOG_QUEUE_SIZE are
@@ -36,6 +38,7 @@ typedef enum log_format {
 
 enum {
     LOG_BURST = 5,
+    LOG_PERIOD_S = 10,
     LOG_QUEUE_SIZE = 256 << 10, ///< [B] some thousand lines
 };
 
@@ -72,6 +75,11 @@ void log_plain(const char* line);
 /// with single spaces between them, may be empty. Words from elsewhere go through log_words().
 void log_event(log_level level, const char* event, const char* format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/// The same for an event that happens again and again while its cause lasts: one sender that uses
+/// another one's id, a planner that is late. cause tells causes of one event word apart.
+void log_repeated(log_level level, const char* event, uint32_t cause, const char* format, ...)
+    __attribute__((format(printf, 4, 5)));
 
 /// Makes a text of other people's fit between double quotes: on one line, with single quotes.
 char* log_words(char* text);

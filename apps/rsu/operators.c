@@ -74,7 +74,7 @@ static bool on_control(void* context, const char* request, uint64_t* ticket, tex
     const operators_view view = def->look(def->context);
     const char* word = request != NULL ? request : "";
     if (strcmp(word, "status") == 0) {
-        report_status(answer, view.config, &view.status, &view.losses);
+        report_status(answer, view.config, &view.status, &view.details);
     } else if (strcmp(word, "vehicles") == 0) {
         report_vehicles(answer, view.cycle);
     } else if (strcmp(word, "plans") == 0) {
@@ -106,7 +106,7 @@ static bool on_scrape(void* context, const char* request, uint64_t* ticket, text
                                : "405 Method Not Allowed");
     if (here) {
         const operators_view view = def->look(def->context);
-        report_metrics(answer, &view.status, &view.losses, view.cycle, &view.bus);
+        report_metrics(answer, &view.status, &view.details, view.cycle, &view.bus);
     }
     return true;
 }
@@ -119,7 +119,7 @@ void operators_write(operators* self)
     }
     const operators_view view = self->def.look(self->def.context);
     text out = text_in(buffer, sizeof buffer);
-    report_metrics(&out, &view.status, &view.losses, view.cycle, &view.bus);
+    report_metrics(&out, &view.status, &view.details, view.cycle, &view.bus);
     const int trouble = replace_file(self->metrics_file, out.bytes, out.size);
     if (trouble != 0 && trouble != self->metrics_trouble) { // told when it changes
         log_event(LOG_WARNING, "metrics_failed", "file=\"%s\" error=\"%s\"", self->metrics_file,

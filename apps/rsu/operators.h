@@ -19,7 +19,7 @@ typedef struct operators_view {
     const config*      config;
     const cycle*       cycle;
     verge_rsu_status_t status;
-    report_losses      losses;
+    report_details      details;
     transport_stats    bus;
 } operators_view;
 

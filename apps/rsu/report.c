@@ -6,16 +6,24 @@
 #include <inttypes.h>
 
 void report_status(text* out, const config* config, const verge_rsu_status_t* status,
-                   const report_losses* losses)
+                   const report_details* details)
 {
     char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
     config_bus_list(config, buses, sizeof buses);
-    text_add(out, "{\"version\":\"%s\",\"state\":\"%s\",\"fault\":\"%s\",\"bus\":",
+    text_add(out, "{\"version\":\"%s\",\"state\":\"%s\",\"fault\":\"%s\",\"faults\":[",
              VERGE_VERSION_STRING, message_rsu_state(status->state),
              message_rsu_fault(status->fault));
+    const char* comma = "";
+    for (int32_t fault = RSU_FAULT_COUNT - 1; fault > RSU_FAULT_NONE; fault--) {
+        if ((details->faults & 1u << fault) != 0) {
+            text_add(out, "%s\"%s\"", comma, message_rsu_fault(fault));
+            comma = ",";
+        }
+    }
+    text_add(out, "],\"bus\":");
     text_add_string(out, buses);
     text_add(out, ",\"cycle_ms\":%u,\"log_dropped\":%" PRIu64 ",\"record_dropped\":%" PRIu64
-             ",\"status\":", config->cycle_ms, losses->log_dropped, losses->record_dropped);
+             ",\"status\":", config->cycle_ms, details->log_dropped, details->record_dropped);
     message_json(out, TRANSPORT_STATUS, status);
     text_add(out, "}\n");
 }
@@ -91,6 +99,15 @@ static void single(text* out, const char* name, const char* type, const char* he
     text_add(out, "%s %" PRId64 "\n", name, value);
 }
 
+static void add_faults(text* out, uint32_t faults)
+{
+    head(out, "verge_fault_active", "gauge", "1 for each fault that is active; see verge(7).");
+    for (int32_t fault = RSU_FAULT_NONE + 1; fault < RSU_FAULT_COUNT; fault++) {
+        text_add(out, "verge_fault_active{fault=\"%s\"} %u\n", message_rsu_fault(fault),
+                 faults >> fault & 1u);
+    }
+}
+
 static void add_cycle_times(text* out, const verge_rsu_status_t* status)
 {
     const struct { const char* stat; int32_t us; } rows[] = {
@@ -147,7 +164,7 @@ static void add_arena(text* out, const verge_rsu_status_t* status)
              status->arena_peak_bytes);
 }
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const report_losses* losses,
+void report_metrics(text* out, const verge_rsu_status_t* status, const report_details* details,
                     const cycle* cycle, const transport_stats* bus)
 {
     head(out, "verge_build_info", "gauge", "Always 1; the labels tell version and configuration.");
@@ -160,6 +177,7 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const report_lo
            "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.", status->state);
     single(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge(7).",
            status->fault);
+    add_faults(out, details->faults);
     single(out, "verge_cycles_total", "counter", "Planning cycles begun.",
            (int64_t)cycle->number + 1);
     single(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",
@@ -177,10 +195,10 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const report_lo
            (int64_t)cycle->counters.overruns);
     single(out, "verge_log_dropped_total", "counter",
            "Lines of the log that were lost: it was not read, or could not be written.",
-           (int64_t)losses->log_dropped);
+           (int64_t)details->log_dropped);
     single(out, "verge_record_dropped_total", "counter",
            "Events missing in the recording, for the same reasons.",
-           (int64_t)losses->record_dropped);
+           (int64_t)details->record_dropped);
     add_received(out, status);
     add_strangers(out, bus);
     add_arena(out, status);

@@ -8,28 +8,30 @@
 
 #include "config.h"
 #include "cycle.h"
+#include "status.h"
 
 #include "common/text.h"
 
 /// [B] Room for the largest: the plans of VERGE_CONTROLLED_MAX vehicles.
 enum { REPORT_SIZE = 256 << 10, REPORT_METRICS_SIZE = 8 << 10 };
 
-/// What the daemon knows of itself and the status message has no field for.
-typedef struct report_losses {
+/// What the status message has no field for.
+typedef struct report_details {
+    uint32_t faults;         ///< all active ones, bits 1 << rsu_fault
     uint64_t log_dropped;    ///< lines
     uint64_t record_dropped; ///< events
-} report_losses;
+} report_details;
 
-/// {"version":…, "state":…, "fault":…, "bus":…, "cycle_ms":…, "log_dropped":…, "record_dropped":…,
-/// "status":{the message}}
+/// {"version":…, "state":…, "fault":…, "faults":[…], "bus":…, "cycle_ms":…, "log_dropped":…,
+/// "record_dropped":…, "status":{the message}}. The faults are ordered, the worst first.
 void report_status(text* out, const config* config, const verge_rsu_status_t* status,
-                   const report_losses* losses);
+                   const report_details* details);
 /// {"utime":…, "vehicles":[…]}: who took part in the last cycle, at its instant.
 void report_vehicles(text* out, const cycle* cycle);
 /// {"plans":[…]}: the messages in force.
 void report_plans(text* out, const cycle* cycle);
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const report_losses* losses,
+void report_metrics(text* out, const verge_rsu_status_t* status, const report_details* details,
                     const cycle* cycle, const transport_stats* bus);
 
 #endif

@@ -1,6 +1,7 @@
 #include "status.h"
 
 #include "common/message_json.h"
+#include "common/text.h"
 
 #include <string.h>
 
@@ -22,6 +23,19 @@ const char* rsu_fault_name(rsu_fault fault)
     return message_rsu_fault((int32_t)fault);
 }
 
+void rsu_fault_names(uint32_t faults, char names[RSU_FAULTS_SIZE])
+{
+    text out = text_in(names, RSU_FAULTS_SIZE);
+    for (uint32_t fault = RSU_FAULT_COUNT - 1; fault > RSU_FAULT_NONE; fault--) {
+        if ((faults & 1u << fault) != 0) {
+            text_add(&out, "%s%s", out.size > 0 ? "," : "", rsu_fault_name((rsu_fault)fault));
+        }
+    }
+    if (faults == 0) {
+        text_add(&out, "%s", rsu_fault_name(RSU_FAULT_NONE));
+    }
+}
+
 const char* rsu_state_name(rsu_state state)
 {
     return message_rsu_state((int32_t)state);
@@ -39,14 +53,24 @@ void status_fault_clear(status* self, rsu_fault fault)
     self->fault_given[fault] = false;
 }
 
+uint32_t status_faults(const status* self, int64_t now)
+{
+    uint32_t faults = 0;
+    for (uint32_t fault = RSU_FAULT_NONE + 1; fault < RSU_FAULT_COUNT; fault++) {
+        const bool active = self->fault_given[fault] && now < self->fault_until[fault];
+        faults |= active ? 1u << fault : 0;
+    }
+    return faults;
+}
+
 rsu_fault status_worst(const status* self, int64_t now)
 {
-    for (int fault = RSU_FAULT_COUNT - 1; fault > RSU_FAULT_NONE; fault--) {
-        if (self->fault_given[fault] && now < self->fault_until[fault]) {
-            return (rsu_fault)fault;
-        }
+    const uint32_t faults = status_faults(self, now);
+    uint32_t fault = RSU_FAULT_COUNT - 1;
+    while (fault > RSU_FAULT_NONE && (faults & 1u << fault) == 0) {
+        fault--;
     }
-    return RSU_FAULT_NONE;
+    return (rsu_fault)fault;
 }
 
 rsu_state status_state(const status* self, int64_t now)

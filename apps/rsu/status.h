@@ -15,7 +15,7 @@ typedef enum rsu_state {
     RSU_STOPPING = 4,
 } rsu_state;
 
-/// What is wrong just now; the larger number is the worse trouble and the one that is told.
+/// What is wrong just now. The larger number is the worse fault.
 typedef enum rsu_fault {
     RSU_FAULT_NONE = 0,
     RSU_FAULT_CONFIG = 1,    ///< the last configuration read again was refused; the old one holds
@@ -28,11 +28,15 @@ typedef enum rsu_fault {
 } rsu_fault;
 enum { RSU_FAULT_COUNT = 8 };
 
+enum { RSU_FAULTS_SIZE = 128 }; ///< [B] the names of all faults
+
 /// "none", "config", ...
 const char* rsu_fault_name(rsu_fault fault);
+/// The names of several (bits 1 << fault), the worst first: "deadline,record"; "none" without any.
+void rsu_fault_names(uint32_t faults, char names[RSU_FAULTS_SIZE]);
 const char* rsu_state_name(rsu_state state);
 
-/// A fault that is told stays active this long after its last occurrence. [us]
+/// A fault stays active this long after its last occurrence. [us]
 enum { STATUS_FAULT_HOLD_US = 5000000 };
 
 typedef struct status {
@@ -51,6 +55,9 @@ typedef struct status {
 /// status_fault_clear(), whatever follows.
 void status_fault(status* self, rsu_fault fault, int64_t now, bool lasting);
 void status_fault_clear(status* self, rsu_fault fault);
+/// All active faults: bits 1 << fault.
+uint32_t  status_faults(const status* self, int64_t now);
+/// The worst of them, the one that the status message has room for.
 rsu_fault status_worst(const status* self, int64_t now);
 rsu_state status_state(const status* self, int64_t now);
 

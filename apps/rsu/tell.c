@@ -17,16 +17,18 @@ void tell_status(teller* self, instant at)
     const verge_rsu_status_t message = tell_message(self, at);
     buses_publish_status(&self->setup->buses, &message);
     self->state = (rsu_state)message.state;
-    self->fault = (rsu_fault)message.fault;
+    self->faults = status_faults(self->status, at.now);
 }
 
 void tell_changes(teller* self, instant at)
 {
     const rsu_state state = status_state(self->status, at.now);
-    const rsu_fault fault = status_worst(self->status, at.now);
-    if (state != self->state || fault != self->fault) {
-        log_event(LOG_INFO, "state", "from=%s to=%s fault=%s", rsu_state_name(self->state),
-                  rsu_state_name(state), rsu_fault_name(fault));
+    const uint32_t faults = status_faults(self->status, at.now);
+    if (state != self->state || faults != self->faults) {
+        char names[RSU_FAULTS_SIZE];
+        rsu_fault_names(faults, names);
+        log_event(LOG_INFO, "state", "from=%s to=%s faults=%s", rsu_state_name(self->state),
+                  rsu_state_name(state), names);
         tell_status(self, at);
     }
 }
@@ -58,7 +60,7 @@ static void tell_trouble(teller* self, instant at)
         const uint64_t errors = buses_trouble(&self->setup->buses, bus);
         if (errors > 0) {
             status_fault(self->status, RSU_FAULT_BUS, at.now, false);
-            log_event(LOG_WARNING, "bus_trouble", "errors=%" PRIu64 " bus=%s action=keeps_trying",
+            log_repeated(LOG_WARNING, "bus_trouble", bus, "errors=%" PRIu64 " bus=%s action=keeps_trying",
                       errors, self->setup->config->bus[bus]);
         }
     }
@@ -86,7 +88,7 @@ static void tell_over_capacity(teller* self, instant at)
     if (over_capacity > self->over_capacity) {
         self->over_capacity = over_capacity;
         status_fault(self->status, RSU_FAULT_CAPACITY, at.now, false);
-        log_event(LOG_WARNING, "over_capacity", "vehicles_max=%u controlled_max=%u",
+        log_repeated(LOG_WARNING, "over_capacity", 0, "vehicles_max=%u controlled_max=%u",
                   self->cycle->def.vehicles_max, self->cycle->def.controlled_max);
     }
 }
@@ -128,12 +130,12 @@ static void tell_expiry(teller* self, instant at)
 /// What `systemctl status` shows.
 static void tell_manager(teller* self, instant at)
 {
-    const rsu_fault fault = status_worst(self->status, at.now);
-    char text[128];
+    const uint32_t faults = status_faults(self->status, at.now);
+    char names[RSU_FAULTS_SIZE], text[64 + RSU_FAULTS_SIZE];
+    rsu_fault_names(faults, names);
     snprintf(text, sizeof text, "%s: %u of %u vehicles planned%s%s",
              rsu_state_name(status_state(self->status, at.now)), self->cycle->view.controlled_count,
-             self->cycle->view.count, fault != RSU_FAULT_NONE ? ", fault " : "",
-             fault != RSU_FAULT_NONE ? rsu_fault_name(fault) : "");
+             self->cycle->view.count, faults != 0 ? ", fault " : "", faults != 0 ? names : "");
     notify_status(self->notify, text);
 }
 
@@ -142,12 +144,13 @@ static void tell_manager(teller* self, instant at)
 void tell_statistics(const teller* self, instant at)
 {
     const verge_rsu_status_t status = tell_message(self, at);
+    char faults[RSU_FAULTS_SIZE];
+    rsu_fault_names(status_faults(self->status, at.now), faults);
     log_event(LOG_ALWAYS, "statistics",
-              "state=%s fault=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
+              "state=%s faults=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
               "cycle_us_max=%d deadline_misses=%d plans=%d fallbacks=%d overruns=%" PRIu64
               " rx_accepted=%d arena_peak_bytes=%" PRId64 " nodes_peak=%d",
-              rsu_state_name((rsu_state)status.state), rsu_fault_name((rsu_fault)status.fault),
-              status.cycle, status.vehicles_seen, status.vehicles_controlled, status.cycle_us_p99,
+              rsu_state_name((rsu_state)status.state), faults, status.cycle, status.vehicles_seen, status.vehicles_controlled, status.cycle_us_p99,
               status.cycle_us_max, status.deadline_misses, status.plans_sent, status.fallbacks,
               self->cycle->counters.overruns, status.rx_accepted, status.arena_peak_bytes,
               status.nodes_peak);

@@ -24,7 +24,7 @@ typedef struct teller {
     status*      status;
     notify*      notify;
     rsu_state    state;         ///< in the last status message
-    rsu_fault    fault;
+    uint32_t     faults;        ///< active then, bits 1 << rsu_fault
     uint64_t     refusals;      ///< refused states already in the log
     uint64_t     over_capacity; ///< the same of these alone
     uint64_t     record_dropped;      ///< a second ago
@@ -35,7 +35,7 @@ typedef struct teller {
 verge_rsu_status_t tell_message(const teller* self, instant at);
 /// Sends it.
 void tell_status(teller* self, instant at);
-/// Sends it if its state or fault is not what was told last.
+/// Sends it if its state or the active faults are not what they were last time.
 void tell_changes(teller* self, instant at);
 /// Once a second: trouble with buses, refused states, ends of certificates, the status.
 void tell_periodically(teller* self, instant at);

@@ -39,8 +39,9 @@ def the_manager_hears_of_start_reload_and_stop(rig):
                 check(before <= stamp <= time.monotonic_ns() // 1000, f"{before} {stamp}")
                 manager.wait_for("READY=1")
                 rsu.wait_for(event)
-            # A deadline missed while it read the files would be told first, for five seconds.
-            manager.wait_for("STATUS=degraded: 0 of 0 vehicles planned, fault config")
+            # A deadline that was missed on a busy machine may stand before it.
+            while "config" not in manager.wait_for("STATUS=degraded: 0 of 0 vehicles planned, fault"):
+                pass
             check(rsu.stop()[1] == 0, "stops")
             manager.wait_for("STOPPING=1")
         check(not any("WATCHDOG" in text for text in manager.heard), "nobody asked for that")

@@ -129,6 +129,60 @@ static void test_a_flood_is_held_back_and_counted(void** state)
     assert_true(lines >= LOG_BURST && lines < 500); // more than a burst where a second has passed
 }
 
+static unsigned count_of(const char* text, const char* words)
+{
+    unsigned count = 0;
+    for (const char* at = text; (at = strstr(at, words)) != NULL; at++) {
+        count++;
+    }
+    return count;
+}
+
+static void test_an_event_that_goes_on_is_logged_once_a_cause_in_ten_seconds(void** state)
+{
+    (void)state;
+    log_setup(LOG_TEXT);
+    catch_lines();
+    for (int i = 0; i < 1000; i++) {
+        for (uint32_t cause = 0; cause < 3; cause++) {
+            log_repeated(LOG_ERROR, "goes-on", cause, "cause=%u i=%d", cause, i);
+        }
+    }
+    const char* text = caught();
+    assert_int_equal(count_of(text, "event=goes-on"), 3); // this takes no ten seconds
+    assert_int_equal(count_of(text, "i=0"), 3);
+}
+
+static void test_many_causes_at_once_do_not_flood_the_log(void** state)
+{
+    (void)state;
+    log_setup(LOG_TEXT);
+    catch_lines();
+    for (uint32_t cause = 0; cause < 5000; cause++) {
+        log_repeated(LOG_ERROR, "causes", cause, "cause=%u", cause);
+    }
+    const unsigned lines = count_of(caught(), "event=causes");
+    assert_true(lines >= LOG_BURST && lines < 50); // more than a burst where a second has passed
+}
+
+static void test_what_was_held_back_is_told_with_the_next_line(void** state)
+{
+    (void)state;
+    log_setup(LOG_TEXT);
+    catch_lines();
+    unsigned calls = 0;
+    const char* text = "";
+    for (; strstr(text, "held_back=") == NULL; calls++) {
+        log_event(LOG_ERROR, "held", "%s", "");
+        usleep(1000);
+        text = caught();
+        dup2(catcher, STDERR_FILENO); // goes on at the end
+        assert_true(calls < 100000);
+    }
+    text = caught();
+    assert_int_equal(atoi(strstr(text, "held_back=") + 10) + count_of(text, "event=held"), calls);
+}
+
 /// Reads what is in a pipe to `text`, at its end; how many lines there are by now.
 static unsigned pour(int reader, char* text)
 {
@@ -152,8 +206,7 @@ static void wait_for_lines(int reader, char* text, unsigned lines)
     }
 }
 
-/// Each has an event word of its own: these are more than the rate limit knows, and so none is held
-/// back.
+/// Each has an event word of its own, and so none is held back.
 static void log_many(unsigned count)
 {
     static char event[40000][8];
@@ -283,8 +336,11 @@ static int close_catcher(void** state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = { // the flood first: later ones use up the slots for words
+    const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_flood_is_held_back_and_counted),
+        cmocka_unit_test(test_an_event_that_goes_on_is_logged_once_a_cause_in_ten_seconds),
+        cmocka_unit_test(test_many_causes_at_once_do_not_flood_the_log),
+        cmocka_unit_test(test_what_was_held_back_is_told_with_the_next_line),
         cmocka_unit_test(test_a_line_is_pairs_or_an_object_of_the_same),
         cmocka_unit_test(test_only_what_json_spells_as_a_number_is_one),
         cmocka_unit_test(test_any_words_stay_on_one_line_that_parses),

@@ -1,0 +1,136 @@
+/// Goal: no fault hides another: every active one is listed, the worst first, in the status for
+/// programs, in the figures and in words; a fault ends when its time is over, a lasting one when it
+/// is cleared.
+/// Method: all 128 sets of faults; time is a number.
+#include "check.h"
+
+#include "rsu/report.h"
+#include "rsu/status.h"
+
+#include "common/json.h"
+#include "common/message_json.h"
+
+#include <stdio.h>
+
+enum { SETS = 1 << (RSU_FAULT_COUNT - 1) };
+
+/// Faults 1, 2, ... of the bits 0, 1, ... of set.
+static status with_faults(unsigned set, int64_t now)
+{
+    status self = { .start_utime = 1 };
+    for (int fault = 1; fault < RSU_FAULT_COUNT; fault++) {
+        if ((set >> (fault - 1) & 1) != 0) {
+            status_fault(&self, (rsu_fault)fault, now, false);
+        }
+    }
+    return self;
+}
+
+static void test_every_active_fault_is_listed_the_worst_first(void** state)
+{
+    (void)state;
+    for (unsigned set = 0; set < SETS; set++) {
+        const status self = with_faults(set, 1000);
+        const uint32_t faults = status_faults(&self, 2000);
+        assert_int_equal(faults, set << 1);
+        char names[RSU_FAULTS_SIZE], expected[RSU_FAULTS_SIZE] = "";
+        rsu_fault_names(faults, names);
+        rsu_fault worst = RSU_FAULT_NONE;
+        for (int fault = RSU_FAULT_COUNT - 1; fault > 0; fault--) {
+            if ((faults >> fault & 1) != 0) {
+                worst = worst == RSU_FAULT_NONE ? (rsu_fault)fault : worst;
+                strcat(expected, expected[0] != '\0' ? "," : "");
+                strcat(expected, rsu_fault_name((rsu_fault)fault));
+            }
+        }
+        assert_string_equal(names, set == 0 ? "none" : expected);
+        assert_int_equal(status_worst(&self, 2000), worst);
+        assert_int_equal(status_state(&self, 2000), set == 0 ? RSU_WAITING : RSU_DEGRADED);
+    }
+}
+
+static void test_programs_get_the_same_list(void** state)
+{
+    (void)state;
+    static config config = { .cycle_ms = 500 };
+    static cycle  cycle;
+    static char   bytes[REPORT_SIZE];
+    for (unsigned set = 0; set < SETS; set++) {
+        const status self = with_faults(set, 0);
+        const transport_stats bus = { .received = 0 };
+        const verge_rsu_status_t message = status_message(&self, &config, &cycle, &bus, 1, 1);
+        const report_details details = { .faults = status_faults(&self, 1), .log_dropped = 7,
+                                         .record_dropped = 8 };
+        text out = text_in(bytes, sizeof bytes);
+        report_status(&out, &config, &message, &details);
+        json_file file;
+        assert_true(json_file_parse(&file, "status", out.bytes, out.size));
+        const json_at root = json_root(&file);
+        const json_at faults = json_member(&root, "faults");
+        assert_string_equal(json_string(&root, "fault"), message_rsu_fault(message.fault));
+        assert_int_equal(json_integer(&root, "log_dropped", 0, 100), 7);
+        assert_int_equal(json_integer(&root, "record_dropped", 0, 100), 8);
+        const cJSON* name = faults.node->child;
+        for (int fault = RSU_FAULT_COUNT - 1; fault > 0; fault--) {
+            if ((set >> (fault - 1) & 1) != 0) {
+                assert_string_equal(name->valuestring, message_rsu_fault(fault));
+                name = name->next;
+            }
+        }
+        assert_null(name);
+        json_file_free(&file);
+
+        out = text_in(bytes, REPORT_METRICS_SIZE);
+        report_metrics(&out, &message, &details, &cycle, &bus);
+        assert_false(out.cut);
+        for (int fault = 1; fault < RSU_FAULT_COUNT; fault++) {
+            char line[80];
+            snprintf(line, sizeof line, "\nverge_fault_active{fault=\"%s\"} %u\n",
+                     message_rsu_fault(fault), set >> (fault - 1) & 1);
+            assert_non_null(strstr(bytes, line));
+        }
+        assert_non_null(strstr(bytes, "\nverge_log_dropped_total 7\n"));
+        assert_non_null(strstr(bytes, "\nverge_record_dropped_total 8\n"));
+    }
+}
+
+static void test_a_fault_ends_with_its_time_and_a_lasting_one_when_cleared(void** state)
+{
+    (void)state;
+    status self = { .start_utime = 1 };
+    status_fault(&self, RSU_FAULT_DEADLINE, 100, false);
+    status_fault(&self, RSU_FAULT_RECORD, 100, true);
+    status_fault(&self, RSU_FAULT_RECORD, 200, false); // does not shorten it
+    const int64_t over = 100 + STATUS_FAULT_HOLD_US;
+    assert_int_equal(status_worst(&self, over - 1), RSU_FAULT_DEADLINE);
+    assert_int_equal(status_worst(&self, over), RSU_FAULT_RECORD);
+    status_fault(&self, RSU_FAULT_DEADLINE, over, false);
+    assert_int_equal(status_worst(&self, over), RSU_FAULT_DEADLINE);
+    assert_int_equal(status_faults(&self, INT64_MAX - 1), 1u << RSU_FAULT_RECORD);
+    status_fault_clear(&self, RSU_FAULT_RECORD);
+    assert_int_equal(status_faults(&self, INT64_MAX - 1), 0);
+    status_fault(&self, RSU_FAULT_RECORD, 0, false);
+    assert_int_equal(status_faults(&self, over + STATUS_FAULT_HOLD_US), 0); // it lasts no more
+}
+
+static void test_stopping_goes_before_faults(void** state)
+{
+    (void)state;
+    status self = with_faults(SETS - 1, 0);
+    self.stopping = true;
+    assert_int_equal(status_state(&self, 1), RSU_STOPPING);
+    self = with_faults(0, 0);
+    self.heard = true;
+    assert_int_equal(status_state(&self, 1), RSU_RUNNING);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_every_active_fault_is_listed_the_worst_first),
+        cmocka_unit_test(test_programs_get_the_same_list),
+        cmocka_unit_test(test_a_fault_ends_with_its_time_and_a_lasting_one_when_cleared),
+        cmocka_unit_test(test_stopping_goes_before_faults),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -31,6 +31,9 @@ enum {
 };
 
 static int  ask(const char* path, const char* request, char* answer, size_t size);
+static void print_json(const char* answer);
+static void make_printable(char* text);
+static void make_tree_printable(cJSON* node);
 static int  show(const char* request, const json_at* root);
 
 int main(int argc, char** argv)
@@ -68,13 +71,15 @@ int main(int argc, char** argv)
     }
     json_file file;
     if (!json_file_parse(&file, path, answer, strlen(answer))) {
+        make_printable(file.error);
         fprintf(stderr, "verge-ctl: no answer of a verge-rsu: %s", file.error);
         return EXIT_UNAVAILABLE;
     }
     const json_at root = json_root(&file);
     if (json) {
-        fputs(answer, stdout);
+        print_json(answer);
     }
+    make_tree_printable(file.document);
     status = json ? (strcmp(request, "reload") == 0 && !json_bool_or(&root, "accepted", false)
                          ? EXIT_REFUSED : 0)
                   : show(request, &root);
@@ -129,6 +134,61 @@ static int ask(const char* path, const char* request, char* answer, size_t size)
     return code;
 }
 
+// ---- texts of others ----------------------------------------------------------------------
+
+/// [B] of the control character at a place of a text in UTF-8, with its code: of ASCII, DEL, or of
+/// the second set, U+0080 to U+009F. 0: there is none. A terminal would obey them.
+static size_t control_at(const char* at, unsigned* code)
+{
+    const unsigned char first = (unsigned char)at[0], second = (unsigned char)at[1];
+    if (first < ' ' || first == 0x7f) {
+        *code = first;
+        return 1;
+    }
+    *code = second;
+    return first == 0xc2 && second >= 0x80 && second <= 0x9f ? 2 : 0;
+}
+
+/// The document as it came, control characters in its strings escaped, which means the same.
+static void print_json(const char* answer)
+{
+    for (const char* at = answer; *at != '\0';) {
+        unsigned     code = 0;
+        const size_t control = *at != '\n' ? control_at(at, &code) : 0;
+        if (control > 0) {
+            printf("\\u%04x", code);
+        } else {
+            putchar(*at);
+        }
+        at += control > 0 ? control : 1;
+    }
+}
+
+/// Puts question marks in place of control characters, but a line break at the end.
+static void make_printable(char* text)
+{
+    for (char* at = text; *at != '\0';) {
+        unsigned     code = 0;
+        const bool   ends = at[0] == '\n' && at[1] == '\0';
+        const size_t control = ends ? 0 : control_at(at, &code);
+        memset(at, '?', control);
+        at += control > 0 ? control : 1;
+    }
+}
+
+static void make_tree_printable(cJSON* node)
+{
+    for (; node != NULL; node = node->next) {
+        if (node->string != NULL) {
+            make_printable(node->string);
+        }
+        if (node->valuestring != NULL) {
+            make_printable(node->valuestring);
+        }
+        make_tree_printable(node->child);
+    }
+}
+
 // ---- tables -------------------------------------------------------------------------------
 
 static void show_status(const json_at* root);
@@ -149,6 +209,7 @@ static int show(const char* request, const json_at* root)
         status = show_reload(root);
     }
     if (root->file->error[0] != '\0') {
+        make_printable(root->file->error);
         fprintf(stderr, "verge-ctl: not understood: %s", root->file->error);
         return EXIT_UNAVAILABLE;
     }

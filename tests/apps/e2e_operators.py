@@ -128,6 +128,50 @@ def verge_ctl_says_what_is_wrong_by_its_exit_code(rig):
     check(child.wait(10) == 69 and "no answer of a verge-rsu" in child.stderr.read(), "69")
 
 
+def obeyed(text):
+    """Characters that a terminal obeys, line breaks aside."""
+    return [c for c in text if c != "\n" and (ord(c) < 32 or 127 <= ord(c) < 160)]
+
+
+def control_sequences_of_a_server_do_not_reach_the_terminal(rig):
+    path = rig.folder / "rsu.sock"
+    other = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    other.bind(str(path))
+    other.listen(1)
+    with Daemon(rig, rig.config("b.json", control="b.sock")) as rsu:
+        wait_for(lambda: "waiting" in rig.run(rig.bin / "verge-ctl", "status", "--socket",
+                                              rig.folder / "b.sock")[1], "a cycle")
+        good = json.loads(rig.run(rig.bin / "verge-ctl", "status", "--json", "--socket",
+                                  rig.folder / "b.sock")[1])
+    evil = "\x1b[2J\x1b]0;owned\x07\x9b31m\x7f\x08\r"
+    status = dict(good, version=evil, state=evil, bus=evil, faults=[evil])
+    status["status"] = dict(good["status"], config_crc32=evil, map_crc32=evil)
+    status["status"]["rx_" + evil] = 5
+    plan = {"vehicle_id": 1, "status": 0, "cycle": 1, "points": [], evil: evil,
+            "actions": [{"action": 99, "t1_ms": 1}]}
+    vehicle = {"id": 1, "plan": evil, "age_ms": 1, "lane": 0, "target_lane": 0, "x": 0, "y": 0,
+               "heading": 0, "speed": evil}
+    answers = [("status", json.dumps(status)), ("status", json.dumps(status, ensure_ascii=False)),
+               ("status", json.dumps(dict(good, status=evil))), ("status", evil),
+               ("status", '{"' + evil + '": 1, "' + evil + '": 2}'), ("status", '{"a": ' + evil),
+               ("status", json.dumps({evil: 1})), ("vehicles", json.dumps({"vehicles": [vehicle]})),
+               ("plans", json.dumps({"plans": [plan]})), ("plans", json.dumps({"plans": evil})),
+               ("reload", json.dumps({"accepted": False, "reason": evil})),
+               ("reload", json.dumps({"accepted": evil, "reason": 1}))]
+    for word, answer in answers:
+        for options in ([], ["--json"]):
+            child = subprocess.Popen([rig.bin / "verge-ctl", word, "--socket", path, *options],
+                                     stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            end, _ = other.accept()
+            end.recv(100)
+            end.sendall(answer.encode())
+            end.close()
+            out, error = (part.decode() for part in child.communicate(timeout=10))
+            check(not obeyed(out) and not obeyed(error), f"{word} {options} {answer!r}: {out!r} {error!r}")
+            if options and out:
+                check(json.loads(out) == json.loads(answer, strict=False), "the same document")
+
+
 def the_socket_is_for_its_group_and_is_not_left_behind(rig):
     path = rig.folder / "rsu.sock"
     config = rig.config(control="rsu.sock")
@@ -317,6 +361,7 @@ CASES = [
     verge_ctl_shows_the_state_for_people_and_for_programs,
     reload_answers_whether_the_configuration_was_taken,
     verge_ctl_says_what_is_wrong_by_its_exit_code,
+    control_sequences_of_a_server_do_not_reach_the_terminal,
     the_socket_is_for_its_group_and_is_not_left_behind,
     clients_that_misbehave_hold_up_nobody,
     figures_are_served_over_http_and_agree_with_the_status,

@@ -276,6 +276,16 @@ static bool habit_holds(const verge_habit* habit)
     return habit->cooperation >= 0.0 && habit->cooperation <= 1.0;
 }
 
+// Not given at all, or of this vehicle's size and good by itself.
+static bool body_holds(const verge_vehicle* v)
+{
+    const verge_body* body = &v->body;
+    if (body->length == 0.0 && body->wheelbase == 0.0 && body->rear_axle == 0.0) {
+        return true;
+    }
+    return verge_body_check(body, NULL) && body->length == v->length && body->width == v->width;
+}
+
 static bool vehicle_holds(const verge_planner* self, const verge_vehicle* v)
 {
     const bool motion = within(v->x, coordinate_max) && within(v->y, coordinate_max)
@@ -283,7 +293,7 @@ static bool vehicle_holds(const verge_planner* self, const verge_vehicle* v)
                         && within(v->speed, speed_max) && within(v->acceleration, acceleration_max)
                         && (v->yaw_rate != v->yaw_rate || within(v->yaw_rate, yaw_rate_max));
     const bool body = v->length >= 0.5 && v->length <= 30.0 && v->width >= 0.3 && v->width <= 4.0
-                      && v->margin >= 0.0 && v->margin <= 100.0;
+                      && v->margin >= 0.0 && v->margin <= 100.0 && body_holds(v);
     const bool wish = v->target_lane == VERGE_NO_LANE
                       || vg_road_lane_index(self->road, v->target_lane) >= 0;
     return v->id >= 0 && motion && body && wish && (!v->controlled || habit_holds(&v->habit));

@@ -67,11 +67,25 @@ verge_vehicle verge_vehicle_default(void)
     const verge_vehicle vehicle = {
         .length = 5.0, // paper, section 4
         .width = 2.0,
+        .trailer_heading = __builtin_nan(""),
         .yaw_rate = __builtin_nan(""),
         .target_lane = VERGE_NO_LANE,
         .habit = verge_habit_of(VERGE_NORMAL),
     };
     return vehicle;
+}
+
+void verge_vehicle_set_body(verge_vehicle* vehicle, const verge_body* body)
+{
+    vehicle->body = *body;
+    vehicle->length = body->length;
+    vehicle->width = body->width;
+}
+
+verge_body verge_vehicle_body(const verge_vehicle* vehicle)
+{
+    return vehicle->body.length > 0.0 ? vehicle->body
+                                      : verge_body_by_size(vehicle->length, vehicle->width);
 }
 
 // A bounded string under construction; what does not fit is cut.

@@ -18,8 +18,8 @@ static void test_centre_moves_as_the_rigid_body_says(void** state)
                                  .acceleration = test_rng_between(&rng, -5.0, 5.0),
                                  .curvature = test_rng_between(&rng, -0.5, 0.5) };
         const double rate = test_rng_between(&rng, -0.5, 0.5);
-        const vg_motion c = vg_motion_of_centre(&rear, rate);
-        const double a = VERGE_REAR_AXLE;
+        const double a = test_rng_between(&rng, 0.0, 4.0); // from the axle to the centre
+        const vg_motion c = vg_motion_of_centre(&rear, rate, a);
         double speed[2];
         for (int k = 0; k < 2; ++k) { // the body's velocity field a moment before and after
             const double t = k == 0 ? -e : e;
@@ -29,8 +29,8 @@ static void test_centre_moves_as_the_rigid_body_says(void** state)
         CHECK_NEAR(c.acceleration, (speed[1] - speed[0]) / (2.0 * e), 1e-5);
         CHECK_NEAR(c.speed * c.curvature, rear.speed * rear.curvature, 1e-9); // one yaw rate
 
-        const vg_motion still = vg_motion_of_centre(&rear, 0.0);
-        const vg_motion back = vg_motion_of_rear(&still);
+        const vg_motion still = vg_motion_of_centre(&rear, 0.0, a);
+        const vg_motion back = vg_motion_of_rear(&still, a);
         CHECK_NEAR(back.x, rear.x, 1e-9);
         CHECK_NEAR(back.speed, rear.speed, 1e-9);
         CHECK_NEAR(back.curvature, rear.curvature, 1e-9);
@@ -42,7 +42,7 @@ static void test_a_spinning_measurement_gives_no_nonsense(void** state)
 {
     (void)state;
     const vg_motion spin = { .speed = 0.01, .curvature = 500.0 };
-    const vg_motion rear = vg_motion_of_rear(&spin);
+    const vg_motion rear = vg_motion_of_rear(&spin, 1.4);
     assert_true(vg_finite(rear.speed) && vg_finite(rear.curvature));
     assert_true(rear.speed >= 0.0);
 }

@@ -88,14 +88,14 @@ static void test_a_later_segment_costs_what_the_straight_form_says(void** state)
     }
 }
 
-/// The largest ratio of a motion to a limit of the car, at the instants of the batch.
+/// The largest ratio of a motion to a limit of the body, at the instants of the batch.
 static double worst_hard(const scene* w, uint32_t candidate)
 {
     double worst = 0.0;
     for (uint32_t k = batch.start + 1; k <= batch.last; k += 1) {
         const vg_row row = vg_leg_row(leg_of(candidate), w->def.point_s * (k - batch.start));
         const vg_rear rear = vg_rear_of(&row, offset_of(candidate));
-        worst = fmax(worst, vg_hard_ratio(&rear, row.s_t));
+        worst = fmax(worst, vg_hard_ratio(&w->limits, &rear, row.s_t));
     }
     return worst;
 }
@@ -154,8 +154,8 @@ static void drive(const scene* w, uint32_t candidate, vg_track* body)
     for (uint32_t k = 0; k <= batch.last; k += 1) {
         const vg_row row = vg_leg_row(leg_of(candidate), w->def.point_s * k);
         const vg_rear rear = vg_rear_of(&row, offset_of(candidate));
-        body->x[k] = rear.x + VERGE_REAR_AXLE * rear.cos_heading;
-        body->y[k] = rear.y + VERGE_REAR_AXLE * rear.sin_heading;
+        body->x[k] = rear.x + w->limits.rear_axle * rear.cos_heading;
+        body->y[k] = rear.y + w->limits.rear_axle * rear.sin_heading;
         body->cos_heading[k] = rear.cos_heading;
         body->sin_heading[k] = rear.sin_heading;
     }

@@ -79,6 +79,7 @@ static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** s
     for (uint32_t round = 0; round < test_rounds(20); round += 1) {
         scene* w = candidates_scene(&rng);
         candidates_sample(w, true, w->def.points - 1, &batch, &path);
+        const double axle = w->limits.rear_axle;
         const verge_weights weights = { 100.0, 1.0, 5.0, 1.0, 0.0, 4.0 }; // jerk: test_kinematics.c
         for (uint32_t i = 0; i < batch.leg_count * batch.offset_count; i += 5) {
             const vg_leg* leg = &batch.legs[i / batch.offset_count];
@@ -102,8 +103,8 @@ static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** s
                     double xy[2];
                     slow_position(leg, offset, t, xy);
                     cost += weights.obstacle
-                          * slow_alert(&w->def, 5.0, 2.0, xy[0] + 1.4227 * cos(heading),
-                                       xy[1] + 1.4227 * sin(heading), heading,
+                          * slow_alert(&w->def, 5.0, 2.0, xy[0] + axle * cos(heading),
+                                       xy[1] + axle * sin(heading), heading,
                                        k == batch.last ? rear.speed : q.v, &w->tracks.of[j], k);
                 }
             }
@@ -123,7 +124,7 @@ static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** s
 static void test_the_continuous_alert_zone_has_no_edge(void** state)
 {
     (void)state;
-    vg_alert_zone zone = { 2.5, 1.0, 0.5, 3.0, 1.0, true };
+    vg_alert_zone zone = { 2.5, 1.0, 1.4, 0.5, 3.0, 1.0, true };
     for (double left = -3.0; left <= 3.0; left += 0.25) {
         double before = vg_alert_term(&zone, -20.0, left, 2.5, 1.0, 12.0, 10.0);
         for (double ahead = -20.0; ahead <= 30.0; ahead += 1e-3) {

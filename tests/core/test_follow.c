@@ -8,6 +8,7 @@
 #include "motion/follow.h"
 
 #define GAP 2.0
+#define AXLE 1.4 // [m] from the rear axle to the centre
 
 typedef struct pair {
     scene* w;
@@ -23,8 +24,8 @@ static void pair_make(pair* p, double curvature, double speed, double accelerati
     vg_job* job = scene_vehicle(w, 1, 30.0, 0.0, 0.0, speed, acceleration, speed);
     scene_track(w, 30.0 + distance, SCENE_WIDTH, leader, 0.0);
     vg_path_build(&p->path, w->road, 1, -1, job->s - 30.0, job->s + 250.0);
-    p->state = (vg_state){ job->s - VERGE_REAR_AXLE, speed, acceleration, 0, 0, 0, true };
-    p->following = (vg_following){ &p->path, &w->tracks, 0, 0, w->def.points - 1,
+    p->state = (vg_state){ job->s - AXLE, speed, acceleration, 0, 0, 0, true };
+    p->following = (vg_following){ &p->path, &w->tracks, 0, AXLE, 0, w->def.points - 1,
                                    w->def.point_s * (w->def.points - 1), GAP, 0.2 };
 }
 
@@ -34,7 +35,7 @@ static double gap_after(const pair* p, double s_rear)
     const vg_track* other = &p->w->tracks.of[1];
     const uint32_t last = p->following.last;
     const double s = vg_path_project(&p->path, other->x[last], other->y[last], NAN);
-    return s - 2.5 - (s_rear + VERGE_REAR_AXLE + 2.5);
+    return s - 2.5 - (s_rear + AXLE + 2.5);
 }
 
 static void test_braking_from_the_follow_speed_ends_at_the_gap(void** state)

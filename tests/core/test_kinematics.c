@@ -178,7 +178,8 @@ static void test_braking_of_level_zero_only_ends_the_acceleration(void** state)
 
 static vg_leg leg_make(const vg_state* start, double v1, double T, double offset)
 {
-    vg_leg leg = { .path = &path, .profile = vg_profile_to_speed(start, v1, T) };
+    vg_leg leg = { .path = &path, .limits = scene_car(),
+                   .profile = vg_profile_to_speed(start, v1, T) };
     vg_leg_link(&leg, start, T, offset);
     return leg;
 }
@@ -431,7 +432,7 @@ static double hard_ratio(double speed, double acceleration, double curvature, do
 {
     const vg_rear rear = { .speed = speed, .acceleration = acceleration, .curvature = curvature,
                            .curvature_t = rate, .frame = 1.0 };
-    return vg_hard_ratio(&rear, speed);
+    return vg_hard_ratio(scene_car(), &rear, speed);
 }
 
 static void test_each_limit_of_the_car_alone_refuses_a_motion(void** state)
@@ -457,9 +458,9 @@ static void test_each_limit_of_the_car_alone_refuses_a_motion(void** state)
         }
     }
     const vg_rear folded = { .speed = 1.0, .frame = 0.5 * VG_FRAME_MIN };
-    assert_true(vg_hard_ratio(&folded, 1.0) > 1.0);
+    assert_true(vg_hard_ratio(scene_car(), &folded, 1.0) > 1.0);
     const vg_rear backwards = { .speed = 1.0, .frame = 1.0 };
-    assert_true(vg_hard_ratio(&backwards, -0.01) > 1.0);
+    assert_true(vg_hard_ratio(scene_car(), &backwards, -0.01) > 1.0);
 }
 
 static void test_a_turned_wheel_steers_more_slowly_in_curvature(void** state)

@@ -7,7 +7,7 @@
 #include "rng.h"
 #include "scene.h"
 
-/// A vehicle on the middle lane of a straight or bent road, eight others around it.
+/// A vehicle of any body on the middle lane of a straight or bent road, eight others around it.
 static inline scene* candidates_scene(test_rng* rng)
 {
     static const double curvatures[] = { 0.0, 1.0 / 125.0, -1.0 / 80.0 };
@@ -16,6 +16,9 @@ static inline scene* candidates_scene(test_rng* rng)
     const double off = test_rng_between(rng, -0.5, 0.5);
     const double slant = test_rng_between(rng, -0.02, 0.02);
     scene_vehicle(w, 1, 40.0, off, slant, v, 0.3, v);
+    const uint32_t kind = test_rng_below(rng, VERGE_BODY_KIND_COUNT);
+    const verge_body body = verge_body_of((verge_body_kind)kind);
+    w->limits = vg_limits_of(&body);
     for (int i = 0; i < 8; i += 1) {
         const double s = test_rng_between(rng, 10.0, 90.0), d = test_rng_between(rng, -1.0, 8.0);
         const double speed = test_rng_between(rng, 0.0, 20.0);
@@ -37,14 +40,14 @@ static inline void candidates_sample(scene* w, bool change, uint32_t last, vg_ba
     const verge_vehicle* car = job->vehicle;
     const vg_motion centre = { car->x, car->y, car->heading, car->speed, car->acceleration,
                                car->yaw_rate / car->speed };
-    const vg_motion rear = vg_motion_of_rear(&centre);
+    const vg_motion rear = vg_motion_of_rear(&centre, w->limits.rear_axle);
     const vg_state start = vg_state_of(path, &rear, job->s);
     batch->start = 0;
     batch->last = last;
     batch->in_lane = !change;
     batch->comfort = (vg_comfort){ 1.0 / 4.0, 1.0 / 6.0, 1.0 / 4.0, 1.0 / 4.0 };
-    vg_target_sample(batch, job, &job->segments[0], path, lane, &start, w->def.point_s * last,
-                     &w->tracks, false);
+    vg_target_sample(batch, job, &w->limits, &job->segments[0], path, lane, &start,
+                     w->def.point_s * last, &w->tracks, false);
 }
 
 #endif

@@ -4,6 +4,7 @@
 #define SCENE_H
 
 #include "base/arena.h"
+#include "motion/kinematics.h"
 #include "motion/sampler.h"
 #include "base/scalar.h"
 
@@ -17,10 +18,20 @@ enum { SCENE_LANES = 3, SCENE_POINTS = 81, SCENE_JOBS = 4 };
 #define SCENE_WIDTH 3.5
 #define SCENE_LENGTH 400.0
 
+/// Limits of the reference car.
+static inline const vg_limits* scene_car(void)
+{
+    static vg_limits limits;
+    const verge_body car = verge_body_of(VERGE_BODY_CAR);
+    limits = vg_limits_of(&car);
+    return &limits;
+}
+
 typedef struct scene {
     double curvature;  ///< [1/m] of lane 0; > 0 bends to the left
     verge_planner_def def;
     verge_road* road;
+    vg_limits limits;  ///< of the planned vehicle's body
     vg_tracks tracks;
     uint32_t job_count;
     verge_vehicle vehicles[SCENE_JOBS];

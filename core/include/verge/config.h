@@ -78,12 +78,11 @@
 #define VERGE_SAMPLE_OFFSETS_MAX 32
 #endif
 
-/// Reference car: BMW 320i, vehicle 2 of the CommonRoad vehicle models (version 3.0.2).
-/// The body centre is the reference point of every position on the wire and in files. The rear axle
-/// lies this far behind it, and moves along the heading. [m]
+/// Reference car: BMW 320i, vehicle 2 of the CommonRoad vehicle models (version 3.0.2). Other
+/// bodies: body.h. The rear axle lies this far behind the centre, and moves along the heading. [m]
 #define VERGE_REAR_AXLE 1.4227
 #define VERGE_WHEELBASE 2.5789         ///< [m]
-#define VERGE_STEER_MAX 1.066          ///< [rad]
+#define VERGE_STEER_MAX 1.0661370137472266 ///< [rad] for a curvature of 0.702 1/m
 #define VERGE_STEER_RATE_MAX 0.4       ///< [rad/s]
 #define VERGE_CURVATURE_MAX 0.702      ///< [1/m]   tan(steer_max) / wheelbase, of the rear axle
 #define VERGE_ACCELERATION_MAX 11.5    ///< [m/s^2] also the radius of the friction circle

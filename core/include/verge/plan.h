@@ -49,8 +49,8 @@ typedef struct verge_action_step {
 size_t verge_action_say(const verge_action_step* step, char* text, size_t size);
 
 /// One point of a trajectory: the motion of the body's centre and the direction of the body.
-/// The rear axle, VERGE_REAR_AXLE behind the centre, moves along the heading; so the same
-/// trajectory is drivable for the centre stated here and not for another point of the car.
+/// The rear axle, rear_axle of the vehicle's body behind the centre, moves along the heading; so the
+/// same trajectory is drivable for the centre stated here and not for another point of the vehicle.
 typedef struct verge_point {
     double t;            ///< [s] from the plan's utime
     double x, y;         ///< [m] centre

@@ -7,6 +7,7 @@
 #ifndef VERGE_TYPES_H
 #define VERGE_TYPES_H
 
+#include "verge/body.h"
 #include "verge/config.h"
 
 #include <stdbool.h>
@@ -77,6 +78,8 @@ typedef struct verge_vehicle {
     double  acceleration;   ///< [m/s^2] along the path
     double  yaw_rate;       ///< [rad/s] NaN: unknown, taken as 0; also taken as 0 below 2 m/s
     double  length, width;  ///< [m] 0.5 .. 30, 0.3 .. 4
+    verge_body body;        ///< axles and limits; all zero: by length and width, else of this size
+    double  trailer_heading; ///< [rad] of an articulated body; NaN: straight behind the tractor
     double  margin;         ///< [m] >= 0, the body is grown by this much on every side (old data)
     int32_t target_lane;    ///< lane id, or VERGE_NO_LANE: no intention beyond driving on
     verge_habit habit;      ///< of controlled vehicles; ignored otherwise
@@ -84,6 +87,13 @@ typedef struct verge_vehicle {
 
 /// A vehicle of 5 m x 2 m, normal habit, no target, yaw rate unknown.
 verge_vehicle verge_vehicle_default(void);
+
+/// Gives a vehicle this body, and with it its length and width.
+void verge_vehicle_set_body(verge_vehicle* vehicle, const verge_body* body);
+
+/// The body of a vehicle: its own where it has one, else the one its length and width suggest
+/// (verge_body_by_size()).
+verge_body verge_vehicle_body(const verge_vehicle* vehicle);
 
 /// A point on a road: lane, way along its reference line and offset from it.
 typedef struct verge_lane_position {

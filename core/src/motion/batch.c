@@ -36,9 +36,10 @@ typedef struct scene {
     vg_alert_zone zone;
     double clearance;
     const vg_comfort* comfort;
+    const vg_limits* limits;
 } scene;
 
-static void lanes_begin(lanes* l, const vg_row* row, const double* offsets);
+static void lanes_begin(lanes* l, const vg_row* row, const double* offsets, double rear_axle);
 static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* scene);
 static other other_at(const vg_track* track, uint32_t k);
 static bool out_of_reach(const envelope* e, const vg_reference* line, const scene* scene,
@@ -52,8 +53,9 @@ void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_wei
 {
     VERGE_ASSERT(batch->offset_count % VG_LANES == 0);
     VERGE_ASSERT(batch->last < VERGE_POINTS_MAX && batch->start < batch->last);
-    const scene scene = { vg_alert_zone_of(def, &tracks->of[own]), def->clearance,
-                          &batch->comfort };
+    const vg_limits* limits = batch->legs[0].limits;
+    const scene scene = { vg_alert_zone_of(def, &tracks->of[own], limits->rear_axle),
+                          def->clearance, &batch->comfort, limits };
     vg_row rows[VERGE_POINTS_MAX];
     for (uint32_t p = 0; p < batch->leg_count; p += 1) {
         for (uint32_t k = batch->start; k <= batch->last; k += 1) {
@@ -61,7 +63,7 @@ void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_wei
         }
         for (uint32_t i = 0; i < batch->offset_count; i += VG_LANES) {
             lanes l;
-            lanes_begin(&l, &rows[batch->start], batch->offsets + i);
+            lanes_begin(&l, &rows[batch->start], batch->offsets + i, limits->rear_axle);
             for (uint32_t k = batch->start + 1; k <= batch->last; k += 1) {
                 const envelope e = lanes_move(&l, &rows[k], &scene);
                 for (uint32_t j = 0; j < tracks->count; j += 1) {
@@ -77,7 +79,7 @@ void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_wei
     }
 }
 
-static void lanes_begin(lanes* l, const vg_row* row, const double* offsets)
+static void lanes_begin(lanes* l, const vg_row* row, const double* offsets, double rear_axle)
 {
     *l = (lanes){ 0 };
     for (uint32_t i = 0; i < VG_LANES; i += 1) {
@@ -85,8 +87,8 @@ static void lanes_begin(lanes* l, const vg_row* row, const double* offsets)
         l->offset[i] = offsets[i];
         l->c[i] = rear.cos_heading;
         l->s[i] = rear.sin_heading;
-        l->x[i] = rear.x + VERGE_REAR_AXLE * rear.cos_heading;
-        l->y[i] = rear.y + VERGE_REAR_AXLE * rear.sin_heading;
+        l->x[i] = rear.x + rear_axle * rear.cos_heading;
+        l->y[i] = rear.y + rear_axle * rear.sin_heading;
     }
 }
 
@@ -95,6 +97,7 @@ static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* sc
 {
     const vg_row now = *row;
     const vg_comfort comfort = *scene->comfort;
+    const vg_limits limits = *scene->limits;
     const double radius = scene->zone.half_length + scene->zone.half_width;
     double ahead[VG_LANES], left[VG_LANES], ahead0[VG_LANES], left0[VG_LANES], slant[VG_LANES];
     for (uint32_t i = 0; i < VG_LANES; i += 1) {
@@ -105,11 +108,11 @@ static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* sc
         l->y0[i] = y0;
         l->c[i] = c;
         l->s[i] = s;
-        l->x[i] = rear.x + VERGE_REAR_AXLE * c;
-        l->y[i] = rear.y + VERGE_REAR_AXLE * s;
+        l->x[i] = rear.x + limits.rear_axle * c;
+        l->y[i] = rear.y + limits.rear_axle * s;
         l->speed[i] = rear.speed;
         l->swing[i] = radius * (vg_abs(c - c0) + vg_abs(s - s0));
-        l->hard[i] = vg_max(l->hard[i], vg_hard_ratio(&rear, now.s_t));
+        l->hard[i] = vg_max(l->hard[i], vg_hard_ratio(&limits, &rear, now.s_t));
         l->comfort[i] = vg_max(l->comfort[i], vg_comfort_ratio(&comfort, &rear));
         l->curvature[i] += rear.curvature * rear.curvature;
         l->heading[i] += vg_heading_square(rear.cos_off, rear.sin_off);
@@ -117,8 +120,8 @@ static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* sc
         l->acceleration[i] += rear.acceleration * rear.acceleration;
         l->jerk[i] += rear.jerk * rear.jerk;
         const double x = x0 - now.line.x, y = y0 - now.line.y;
-        ahead[i] = VERGE_REAR_AXLE * rear.cos_off;
-        left[i] = rear.d + VERGE_REAR_AXLE * rear.sin_off;
+        ahead[i] = limits.rear_axle * rear.cos_off;
+        left[i] = rear.d + limits.rear_axle * rear.sin_off;
         ahead0[i] = x * now.line.cos_heading + y * now.line.sin_heading;
         left0[i] = y * now.line.cos_heading - x * now.line.sin_heading;
         slant[i] = vg_abs(rear.sin_off);

@@ -19,7 +19,7 @@ enum {
 enum {
     VG_ALARM = 1,         ///< may touch a body: needs the exact check
     VG_UNCOMFORTABLE = 2, ///< breaks a limit of normal driving
-    VG_INFEASIBLE = 4,    ///< breaks a limit of the car
+    VG_INFEASIBLE = 4,    ///< breaks a limit of the body
     VG_TRIED = 8,         ///< the sampler has been here
 };
 
@@ -30,7 +30,7 @@ typedef struct vg_batch {
     vg_comfort comfort;
     uint32_t leg_count, offset_count;
     double   offsets[VERGE_SAMPLE_OFFSETS_MAX];  ///< [m] lateral end offsets
-    vg_leg   legs[VERGE_SAMPLE_SPEEDS_MAX];
+    vg_leg   legs[VERGE_SAMPLE_SPEEDS_MAX];      ///< all of one vehicle
     double   leg_penalties[VERGE_SAMPLE_SPEEDS_MAX];     ///< [1] added to the cost for the
     double   offset_penalties[VERGE_SAMPLE_OFFSETS_MAX]; ///< order of choice only
     double   costs[VG_CANDIDATES_MAX];           ///< [leg * offset_count + offset]

@@ -2,18 +2,19 @@
 /// test holds them together.
 #include "motion/cost.h"
 
-vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const vg_track* own)
+vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const vg_track* own,
+                               double rear_axle)
 {
-    return (vg_alert_zone){ own->half_length, own->half_width, def->reaction_s, def->headway_s,
-                            def->alert_cost, def->alert_continuous != 0 };
+    return (vg_alert_zone){ own->half_length, own->half_width, rear_axle, def->reaction_s,
+                            def->headway_s, def->alert_cost, def->alert_continuous != 0 };
 }
 
 double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const vg_track* other,
                      uint32_t index)
 {
     const double c = rear->cos_heading, s = rear->sin_heading;
-    const double x = other->x[index] - (rear->x + VERGE_REAR_AXLE * c);
-    const double y = other->y[index] - (rear->y + VERGE_REAR_AXLE * s);
+    const double x = other->x[index] - (rear->x + zone->rear_axle * c);
+    const double y = other->y[index] - (rear->y + zone->rear_axle * s);
     const double other_c = other->cos_heading[index], other_s = other->sin_heading[index];
     const double along = other_c * c + other_s * s, across = other_s * c - other_c * s;
     const double reach_x = other->half_length * vg_abs(along) + other->half_width * vg_abs(across);
@@ -26,7 +27,7 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
                        const verge_planner_def* def, const verge_weights* weights,
                        const vg_tracks* tracks, uint32_t own, bool in_lane)
 {
-    const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own]);
+    const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own], leg->limits->rear_axle);
     verge_cost cost = { 0 };
     for (uint32_t k = start + 1; k <= last; k += 1) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));

@@ -15,6 +15,7 @@ extern "C" {
 /// widths wide.
 typedef struct vg_alert_zone {
     double half_length, half_width;  ///< [m] of the body
+    double rear_axle;                ///< [m] behind the body's centre
     double reaction_s, headway_s;    ///< [s] tau and MTH of Eq. 2
     double cost;                     ///< C_z
     bool   continuous;               ///< the variant that is 0 at the zone's edge
@@ -64,7 +65,8 @@ static inline double vg_heading_square(double cosine, double sine)
 double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const vg_track* other,
                      uint32_t index);
 
-vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const vg_track* own);
+vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const vg_track* own,
+                               double rear_axle);
 
 /// Weighted cost of one leg at instants first .. last (indices of the trajectory, leg time 0 at
 /// `start`), one point and one track after the other. in_lane: the offset term is active.

@@ -28,7 +28,7 @@ static const double brake_levels[] = { 3.0, 5.0, 6.5, 8.0 };
 /// How good a fallback is. Lexicographic.
 typedef struct verdict {
     bool     clear;   // of bodies and dead ends
-    bool     holds;   // the car's limits
+    bool     holds;   // the body's limits
     bool     stays;   // on its lane, which ends
     uint32_t contact; // instant of the first contact
     double   speed;   // then, or at the horizon where it does not stay
@@ -36,8 +36,8 @@ typedef struct verdict {
 
 static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_state* state);
 static void straight_path(vg_path* path, const vg_motion* from);
-static vg_leg fallback_leg(const vg_job* job, const vg_path* path, const vg_state* state,
-                           double level, double jerk);
+static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_path* path,
+                           const vg_state* state, double level, double jerk);
 static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
                      const vg_leg* leg, double braking);
 static bool presses(const vg_track* body, const vg_track* other, uint32_t last);
@@ -61,7 +61,7 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const vg_tracks* 
             continue;
         }
         const double jerk = brakes ? VG_JERK_MAX : vg_min(def->comfort_jerk, VG_JERK_MAX);
-        const vg_leg leg = fallback_leg(job, path, &state, level, jerk);
+        const vg_leg leg = fallback_leg(job, &ws->limits, path, &state, level, jerk);
         const double later = brakes ? DEAD_END_BRAKING : def->comfort_braking;
         const verdict now = judge(ws, job, tracks, &leg, later);
         if (i == from || better(&now, &best) || (ws->blocking != 0 && now.holds)) {
@@ -111,10 +111,11 @@ static void straight_path(vg_path* path, const vg_motion* from)
     }
 }
 
-static vg_leg fallback_leg(const vg_job* job, const vg_path* path, const vg_state* state,
-                           double level, double jerk)
+static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_path* path,
+                           const vg_state* state, double level, double jerk)
 {
-    vg_leg leg = { .path = path, .profile = vg_profile_braking(state, level, jerk) };
+    vg_leg leg = { .path = path, .limits = limits,
+                   .profile = vg_profile_braking(state, level, jerk) };
     vg_leg_link(&leg, state, vg_max(CENTRING_S, job->def->point_s * (job->def->points - 1)), 0.0);
     return leg;
 }
@@ -129,7 +130,7 @@ static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* track
     for (uint32_t i = 1; i <= last * LIMIT_PARTS && v.holds; i += 1) {
         const vg_row row = vg_leg_row(leg, def->point_s * i / LIMIT_PARTS);
         const vg_rear rear = vg_rear_of(&row, 0.0);
-        v.holds = vg_hard_ratio(&rear, row.s_t) <= 1.0;
+        v.holds = vg_hard_ratio(leg->limits, &rear, row.s_t) <= 1.0;
     }
     vg_workspace_drive(ws, def, leg, 0.0, 0, last);
     bool pressed = false;

@@ -43,7 +43,7 @@ static double room_behind(const vg_following* f, const vg_state* from, const vg_
     const double x0 = other->x[f->start] - here.x, y0 = other->y[f->start] - here.y;
     const double x = other->x[f->last] - here.x, y = other->y[f->last] - here.y;
     const double far = vg_sqrt(x * x + y * y);
-    if (x0 * here.cos_heading + y0 * here.sin_heading < VERGE_REAR_AXLE || far > reach) {
+    if (x0 * here.cos_heading + y0 * here.sin_heading < f->rear_axle || far > reach) {
         return VG_HUGE;
     }
     const double s = vg_path_project(f->path, other->x[f->last], other->y[f->last],
@@ -62,7 +62,7 @@ static double room_behind(const vg_following* f, const vg_state* from, const vg_
         return VG_HUGE;
     }
     *speed = v * vg_max(along, 0.0);
-    return s - reach_ahead - f->gap - (from->s + VERGE_REAR_AXLE + own->half_length);
+    return s - reach_ahead - f->gap - (from->s + f->rear_axle + own->half_length);
 }
 
 /// Solves v^2 - leader^2 = 2 b (room - way) for the end speed v, where a profile to v is

@@ -19,6 +19,7 @@ typedef struct vg_following {
     const vg_path*   path;
     const vg_tracks* tracks;
     uint32_t own;          ///< index of the own track
+    double   rear_axle;    ///< [m] behind the own centre
     uint32_t start, last;  ///< instants of the trajectory the segment lies between
     double   T;            ///< [s] its length
     double   gap;          ///< [m] bumper to bumper at standstill

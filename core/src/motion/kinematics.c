@@ -13,12 +13,37 @@
 #define LINK_STRETCH_STEP 1.05
 /// Lateral acceleration a link is stretched to stay below. [m/s^2] under the comfort limit of 4
 #define LINK_LATERAL_MAX 3.2
+/// Curvature a slow link is stretched to stay below, against its line. [1/m]
+#define LINK_BEND_MAX 0.2
+/// Both less for a body with low limits: the line's own bend needs a part. [1]
+#define LINK_LIMIT_SHARE 0.5
 
 static vg_profile stop_smoothly(const vg_state* start, double T);
 static void append(vg_profile* profile, double duration, double jerk, double snap);
 static double link_strain(const vg_leg* leg, double d, double v, double a, double span,
                           double offset, double speed);
 static void link_at(const vg_quintic* link, double x, double out[4]);
+
+vg_limits vg_limits_of(const verge_body* body)
+{
+    double sine, cosine;
+    vg_sincos(body->steer_max, &sine, &cosine);
+    const double curvature = sine / cosine / body->wheelbase;
+    return (vg_limits){
+        .rear_axle = body->rear_axle,
+        .wheelbase = body->wheelbase,
+        .steer_rate_max = body->steer_rate_max,
+        .curvature_max = curvature,
+        .lateral_max = body->lateral_max,
+        .per_curvature = 1.0 / curvature,
+        .per_steer_rate = 1.0 / body->steer_rate_max,
+        .per_speed_switch = 1.0 / body->speed_switch,
+        .per_acceleration = 1.0 / body->acceleration_max,
+        .per_speed = 1.0 / body->speed_max,
+        .per_braking_squared = 1.0 / (body->braking_max * body->braking_max),
+        .lateral_share = body->braking_max / body->lateral_max,
+    };
+}
 
 vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T)
 {
@@ -160,10 +185,12 @@ static double link_strain(const vg_leg* leg, double d, double v, double a, doubl
     const double third = vg_max(vg_abs(first), vg_abs(last));
     // Peak of the second derivative of a link from rest to rest: 10 / sqrt(3) rise / T^2.
     const double second = 5.7735 * vg_abs(rise - 0.5 * v * T) / (T * T);
-    const double rate = LINK_STEER_SHARE * VERGE_STEER_RATE_MAX / VERGE_WHEELBASE; // [1/(m s)]
+    const vg_limits* limits = leg->limits;
+    const double rate = LINK_STEER_SHARE * limits->steer_rate_max / limits->wheelbase; // [1/(m s)]
+    const double lateral = vg_min(LINK_LATERAL_MAX, LINK_LIMIT_SHARE * limits->lateral_max);
+    const double bend = vg_min(LINK_BEND_MAX, LINK_LIMIT_SHARE * limits->curvature_max);
     const double third_max = leg->by_way ? rate / speed : rate * speed * speed;
-    const double second_max = leg->by_way ? vg_min(LINK_LATERAL_MAX / (speed * speed), 0.2)
-                                          : LINK_LATERAL_MAX;
+    const double second_max = leg->by_way ? vg_min(lateral / (speed * speed), bend) : lateral;
     return vg_max(third / third_max, second / second_max);
 }
 
@@ -239,10 +266,10 @@ vg_state vg_state_of(const vg_path* path, const vg_motion* rear, double s_guess)
     return state;
 }
 
-vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t)
+vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t, double rear_axle)
 {
     // The centre moves with (v, curvature v a) in the body's frame, a the distance of the axle.
-    const double a = VERGE_REAR_AXLE;
+    const double a = rear_axle;
     const double ratio = vg_sqrt(1.0 + vg_square(a * rear->curvature));
     double sine, cosine;
     vg_sincos(rear->heading, &sine, &cosine);
@@ -258,12 +285,12 @@ vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t)
     return centre;
 }
 
-vg_motion vg_motion_of_rear(const vg_motion* centre)
+vg_motion vg_motion_of_rear(const vg_motion* centre, double rear_axle)
 {
-    const double a = VERGE_REAR_AXLE;
-    // Yaw rate over speed of a car's centre is below 0.5 / m (VERGE_CURVATURE_MAX); measured
-    // states may claim more, up to a spin about the rear axle, where the ratio has no answer.
-    const double limit = 0.95 / a;
+    const double a = rear_axle;
+    // Yaw rate over speed of a car's centre is below 0.5 / m; measured states may claim more, up to
+    // a spin about the rear axle, where the ratio has no answer.
+    const double limit = 0.95 / vg_max(a, 1e-3);
     const double curvature = vg_clamp(centre->curvature, -limit, limit);
     const double ratio = 1.0 / vg_sqrt(1.0 - vg_square(a * curvature));
     double sine, cosine;

@@ -29,12 +29,26 @@ typedef struct vg_motion {
     double curvature;      ///< [1/m]
 } vg_motion;
 
-/// The centre's motion from the rear axle's and back; see VERGE_REAR_AXLE. curvature is yaw rate
-/// over speed of the point in question. The centre's acceleration needs the curvature's rate in
+/// A body's limits as the sampler's inner loop takes them: reciprocals, so that a ratio is a
+/// product. Prepared once for a vehicle and step.
+typedef struct vg_limits {
+    double rear_axle, wheelbase;   ///< [m]
+    double steer_rate_max;         ///< [rad/s]
+    double curvature_max;          ///< [1/m] of the rear axle
+    double lateral_max;            ///< [m/s^2]
+    double per_curvature, per_steer_rate, per_speed_switch, per_acceleration, per_speed;
+    double per_braking_squared;    ///< [s^4/m^2]
+    double lateral_share;          ///< [1] braking over lateral acceleration, each the most
+} vg_limits;
+
+vg_limits vg_limits_of(const verge_body* body);
+
+/// The centre's motion from the rear axle's and back, the axle `rear_axle` [m] behind it. curvature
+/// is yaw rate over speed of the point in question. The centre's acceleration needs the curvature's rate in
 /// time [1/(m s)] of the rear axle, to be exact. The way back takes that rate as 0, and limits
 /// the curvature to what a car can turn. heading is that of the body in both.
-vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t);
-vg_motion vg_motion_of_rear(const vg_motion* centre);
+vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t, double rear_axle);
+vg_motion vg_motion_of_rear(const vg_motion* centre, double rear_axle);
 
 /// Position on a path with the derivatives that survive standstill: the way in time, the offset
 /// in way. Of the rear axle.
@@ -57,6 +71,7 @@ typedef struct vg_profile {
 /// One end speed of one segment: all its candidates but for their end offset.
 typedef struct vg_leg {
     const vg_path* path;
+    const vg_limits* limits; ///< of the vehicle that drives it
     vg_profile profile;   ///< t = 0 at the start of the segment
     double s_start;       ///< [m]
     bool   by_way;        ///< d(s); else d(t)
@@ -148,20 +163,19 @@ static inline vg_rear vg_rear_of(const vg_row* row, double offset)
     return rear;
 }
 
-/// Limits as ratios: above 1 a limit is broken. The car's own (config.h).
-static inline double vg_hard_ratio(const vg_rear* rear, double way_speed)
+/// Limits of the body as ratios: above 1 a limit is broken.
+static inline double vg_hard_ratio(const vg_limits* limits, const vg_rear* rear, double way_speed)
 {
     const double v = rear->speed, a = rear->acceleration;
-    const double lateral = v * v * rear->curvature;
-    const double bend = VERGE_WHEELBASE * rear->curvature;
-    const double steer = vg_abs(VERGE_WHEELBASE * rear->curvature_t / (1.0 + bend * bend));
-    double worst = vg_abs(rear->curvature) * (1.0 / VERGE_CURVATURE_MAX);
-    worst = vg_max(worst, steer * (1.0 / VERGE_STEER_RATE_MAX));
-    worst = vg_max(worst, a * vg_max(1.0, v * (1.0 / VERGE_SPEED_SWITCH))
-                              * (1.0 / VERGE_ACCELERATION_MAX));
-    worst = vg_max(worst, (a * a + lateral * lateral)
-                              * (1.0 / (VERGE_ACCELERATION_MAX * VERGE_ACCELERATION_MAX)));
-    worst = vg_max(worst, v * (1.0 / VERGE_SPEED_MAX));
+    const double lateral = v * v * rear->curvature * limits->lateral_share;
+    const double bend = limits->wheelbase * rear->curvature;
+    const double steer = vg_abs(limits->wheelbase * rear->curvature_t / (1.0 + bend * bend));
+    double worst = vg_abs(rear->curvature) * limits->per_curvature;
+    worst = vg_max(worst, steer * limits->per_steer_rate);
+    worst = vg_max(worst, a * vg_max(1.0, v * limits->per_speed_switch)
+                              * limits->per_acceleration);
+    worst = vg_max(worst, (a * a + lateral * lateral) * limits->per_braking_squared);
+    worst = vg_max(worst, v * limits->per_speed);
     worst = rear->frame < VG_FRAME_MIN ? 1e9 : worst;
     return way_speed < -1e-9 ? 1e9 : worst;
 }

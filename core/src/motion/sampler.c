@@ -170,8 +170,8 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
                                    1.0 / vg_max(def->comfort_braking, -1.05 * a),
                                    1.0 / vg_max(def->comfort_lateral, 1.05 * lateral),
                                    1.0 / def->comfort_jerk };
-    vg_target_sample(batch, job, segment, path, lane, &state, def->point_s * (batch->last - start),
-                     chain->tracks, chain->emergency);
+    vg_target_sample(batch, job, &ws->limits, segment, path, lane, &state,
+                     def->point_s * (batch->last - start), chain->tracks, chain->emergency);
     vg_batch_run(batch, def, &job->vehicle->habit.weights, chain->tracks, job->track_index);
     ws->evaluated += batch->leg_count * batch->offset_count;
     return true;
@@ -253,9 +253,9 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
     const vg_track* body = &ws->body;
     const uint32_t k0 = batch->start, k = batch->last;
     const double T = job->def->point_s * (k - k0);
-    const vg_reference from = vg_path_at(leg->path, leg->s_start + VERGE_REAR_AXLE);
+    const vg_reference from = vg_path_at(leg->path, leg->s_start + leg->limits->rear_axle);
     const double way = vg_profile_at(&leg->profile, T).s;
-    const vg_reference to = vg_path_at(leg->path, way + VERGE_REAR_AXLE);
+    const vg_reference to = vg_path_at(leg->path, way + leg->limits->rear_axle);
     const double d0 = vg_abs((body->y[k0] - from.y) * from.cos_heading
                              - (body->x[k0] - from.x) * from.sin_heading);
     const double d = vg_abs((body->y[k] - to.y) * to.cos_heading
@@ -263,7 +263,7 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
     return d > 0.5 * job->road->lanes[lane].width && d > d0;
 }
 
-/// The car's limits between the points too, and the jerk that brakes can build up. A stop may end
+/// The body's limits between the points too, and the jerk that brakes can build up. A stop may end
 /// with a jolt: at walking speed the braking force may vanish faster than the jerk limit, but not
 /// appear.
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
@@ -275,7 +275,7 @@ static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, con
         const vg_rear rear = vg_rear_of(&row, offset);
         const bool jolts = row.s_ttt < -VG_JERK_MAX
                         || (row.s_ttt > VG_JERK_MAX && row.s_t > JOLT_SPEED);
-        if (jolts || !(vg_hard_ratio(&rear, row.s_t) <= 1.0)) {
+        if (jolts || !(vg_hard_ratio(leg->limits, &rear, row.s_t) <= 1.0)) {
             return false;
         }
     }

@@ -17,9 +17,9 @@ static double least_speed(const vg_state* start, double T, double jerk);
 static double speed_allowed(const vg_job* job, uint32_t lane, double s);
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
 
-void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segment,
-                      const vg_path* path, uint32_t reference, const vg_state* start, double T,
-                      const vg_tracks* tracks, bool emergency)
+void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limits,
+                      const vg_segment* segment, const vg_path* path, uint32_t reference,
+                      const vg_state* start, double T, const vg_tracks* tracks, bool emergency)
 {
     const verge_planner_def* def = job->def;
     VERGE_ASSERT(def->sample_speeds >= 1 && def->sample_speeds <= VERGE_SAMPLE_SPEEDS_MAX);
@@ -38,8 +38,8 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
     }
 
     // A third of the speeds goes to braking below the region, where there is any.
-    const vg_following following = { path, tracks, job->track_index, batch->start, batch->last, T,
-                                     def->idm_gap, def->clearance };
+    const vg_following following = { path, tracks, job->track_index, limits->rear_axle,
+                                     batch->start, batch->last, T, def->idm_gap, def->clearance };
     const region v = speed_region(job, segment, reference, &following, start, emergency);
     double speeds[VERGE_SAMPLE_SPEEDS_MAX];
     const uint32_t braking = v.floor < v.low ? def->sample_speeds / 3 : 0;
@@ -53,6 +53,7 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segm
         const double v1 = speeds[i], v0 = start->s_t;
         const double stop = v1 < 0.0 ? T * v0 / vg_max(v0 - v1, 1e-6) : T;
         leg->path = path;
+        leg->limits = limits;
         leg->profile = vg_profile_to_speed(start, vg_max(v1, 0.0), vg_max(stop, 1e-3));
         vg_leg_link(leg, start, T, segment->d);
         batch->leg_penalties[i] = VG_DECISION_PULL * points
@@ -70,7 +71,7 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     const double eased = vg_max(v0 - VG_LIMIT_BRAKING * T,
                                 least_speed(start, T, 0.9 * def->comfort_jerk));
     const double way = 0.5 * T * (v0 + vg_min(v0, segment->v));
-    const double allowed = speed_allowed(job, reference, start->s + VERGE_REAR_AXLE + way);
+    const double allowed = speed_allowed(job, reference, start->s + following->rear_axle + way);
     const double top = vg_max(allowed, eased);
     region v;
     v.centre = vg_clamp(segment->v, 0.0, top);

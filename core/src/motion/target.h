@@ -30,9 +30,9 @@ extern "C" {
 /// the batch's instants. The region comes down where someone is ahead (follow.h), and where the
 /// vehicle is faster than the speed limit.
 /// reference: the lane the path follows, whose speed limit holds.
-void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_segment* segment,
-                      const vg_path* path, uint32_t reference, const vg_state* start, double T,
-                      const vg_tracks* tracks, bool emergency);
+void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limits,
+                      const vg_segment* segment, const vg_path* path, uint32_t reference,
+                      const vg_state* start, double T, const vg_tracks* tracks, bool emergency);
 
 #ifdef __cplusplus
 }

@@ -11,6 +11,10 @@
 /// Way who is over a lane's end already gets for building up the brakes' force. [m]
 #define OVER_END_SLACK 1.0
 
+/// Limits already broken at t = 0 are taken this much above what is measured. [1]
+#define WIDENING 1.05
+
+static void widen(vg_limits* limits, const vg_motion* start);
 static bool in_front(const vg_track* body, const vg_track* other);
 
 _Static_assert(sizeof(struct vg_workspace) <= 256 * 1024, "a workspace stays below 256 KiB");
@@ -31,11 +35,14 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
     const vg_track* own = &tracks->of[job->track_index];
     const vg_motion centre = { v->x, v->y, v->heading, v->speed, v->acceleration,
                                job->curvature };
-    ws->start = vg_motion_of_rear(&centre);
+    const verge_body shape = verge_vehicle_body(v);
+    ws->limits = vg_limits_of(&shape);
+    ws->start = vg_motion_of_rear(&centre, ws->limits.rear_axle);
     if (ws->start.speed < 1e-3) {
         ws->start.speed = 0.0; // at rest nothing pulls backwards
         ws->start.acceleration = vg_max(ws->start.acceleration, 0.0);
     }
+    widen(&ws->limits, &ws->start);
     ws->path_lanes[0] = ws->path_lanes[1] = -1;
     ws->cost = (verge_cost){ 0 };
     ws->refusals = (vg_refusals){ 0 };
@@ -58,6 +65,25 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
             ws->refusals.overlap |= overlap;
             ws->blocking |= (uint64_t)(overlap && in_front(body, other)) << j;
         }
+    }
+}
+
+/// What the vehicle does already cannot be undone at once: a truck downhill drives faster than its
+/// limiter, a measured acceleration may be more than the engine's.
+static void widen(vg_limits* limits, const vg_motion* start)
+{
+    const double v = start->speed, a = start->acceleration;
+    const double engine = a * vg_max(1.0, v * limits->per_speed_switch);
+    const double lateral = v * v * start->curvature * limits->lateral_share;
+    const double square = a * a + lateral * lateral;
+    if (v * limits->per_speed > 1.0) {
+        limits->per_speed = 1.0 / (WIDENING * v);
+    }
+    if (engine * limits->per_acceleration > 1.0) {
+        limits->per_acceleration = 1.0 / (WIDENING * engine);
+    }
+    if (square * limits->per_braking_squared > 1.0) {
+        limits->per_braking_squared = 1.0 / (WIDENING * WIDENING * square);
     }
 }
 
@@ -97,16 +123,17 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
 {
     VERGE_ASSERT(last < VERGE_POINTS_MAX);
     vg_track* body = &ws->body;
+    const double rear_axle = ws->limits.rear_axle;
     for (uint32_t k = start + 1; k <= last; k += 1) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
         const vg_rear rear = vg_rear_of(&row, offset);
         ws->motion[k] = rear;
-        body->x[k] = rear.x + VERGE_REAR_AXLE * rear.cos_heading;
-        body->y[k] = rear.y + VERGE_REAR_AXLE * rear.sin_heading;
+        body->x[k] = rear.x + rear_axle * rear.cos_heading;
+        body->y[k] = rear.y + rear_axle * rear.sin_heading;
         body->cos_heading[k] = rear.cos_heading;
         body->sin_heading[k] = rear.sin_heading;
         body->speed[k] = vg_max(rear.speed, 0.0)
-                       * vg_sqrt(1.0 + vg_square(VERGE_REAR_AXLE * rear.curvature));
+                       * vg_sqrt(1.0 + vg_square(rear_axle * rear.curvature));
     }
 }
 
@@ -156,7 +183,8 @@ void vg_workspace_emit(const vg_workspace* ws, const vg_job* job, verge_vehicle_
     for (uint32_t k = 1; k < job->def->points; k += 1) {
         const vg_rear* rear = &ws->motion[k];
         const vg_motion motion = vg_motion_of(rear);
-        const vg_motion centre = vg_motion_of_centre(&motion, rear->curvature_t);
+        const vg_motion centre = vg_motion_of_centre(&motion, rear->curvature_t,
+                                                     ws->limits.rear_axle);
         plan->points[k] = (verge_point){ job->def->point_s * k, centre.x, centre.y,
                                          centre.heading, centre.speed, centre.acceleration,
                                          centre.curvature, rear->jerk };

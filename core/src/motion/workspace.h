@@ -25,6 +25,7 @@ struct vg_workspace {
     vg_track body;            ///< centre, of the trajectory so far
     vg_rear  motion[VERGE_POINTS_MAX]; ///< rear axle, of the trajectory so far; not at t = 0
     vg_motion start;          ///< rear axle at t = 0
+    vg_limits limits;         ///< of the vehicle's body
     uint32_t lane;            ///< where the trajectory so far ends: reference lane
     double   s;               ///< [m] and the rear axle's coordinate on its path
     double   settled;         ///< [s] end of the first segment's lateral motion

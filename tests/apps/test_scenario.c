@@ -206,7 +206,7 @@ static void test_values_are_checked(void** state)
     refused("[400.0, 0.0]", "[400.0]", "road.lanes[0].centerline[1]: has 1 elements, expected 2");
     refused("[[0.0, 0.0], [400.0, 0.0]]", "[[0.0, 0.0]]", "road.lanes[0].centerline: ");
     refused("[[0.0, 0.0], [400.0, 0.0]]", "[[0.0, 0.0], [0.0, 0.0]]", "road.lanes[0].centerline");
-    refused("[400.0, 0.0]", "[2400.0, 0.0]", "road.lanes[0].centerline");
+    refused("[400.0, 0.0]", "[240000.0, 0.0]", "road.lanes[0].centerline");
     refused("\"left\": 1", "\"left\": 9", "road.lanes[0].left: ");
     refused("\"left\": 1", "\"left\": 0", "road.lanes[0].left: ");
     refused("\"successors\": []", "\"successors\": [44]", "road.lanes[0].successors");

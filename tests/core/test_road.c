@@ -11,7 +11,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum { LANES = 16, POINTS = VERGE_LANE_POINTS_MAX };
+enum { LANES = 16, POINTS = 1024 };
 
 /// A road under construction, and the road.
 typedef struct world {
@@ -193,6 +193,78 @@ static void test_noise_of_a_survey_is_not_followed(void** state)
         }
         world_free(w);
     }
+}
+
+/// Points of a road of `length` every `spacing` metres: straights and bends of 400 m radius in
+/// turn, and noise of up to `noise` to each side.
+static double (*survey_of(double length, double spacing, double noise, test_rng* rng,
+                          uint32_t* count))[2]
+{
+    *count = (uint32_t)(length / spacing) + 1;
+    double (*points)[2] = calloc(*count, sizeof *points);
+    double x = 0.0, y = 0.0, heading = 0.3;
+    for (uint32_t i = 0; i < *count; ++i) {
+        const double part = fmod(spacing * i, 1600.0);
+        const double curvature = part < 400.0 ? 0.0 : part < 800.0 ? 1.0 / 400.0
+                                 : part < 1200.0 ? 0.0 : -1.0 / 400.0;
+        points[i][0] = x + test_rng_between(rng, -noise, noise);
+        points[i][1] = y + test_rng_between(rng, -noise, noise);
+        heading += curvature * spacing;
+        x += spacing * cos(heading);
+        y += spacing * sin(heading);
+    }
+    return points;
+}
+
+static void test_a_dense_survey_of_a_long_road_is_fitted_as_a_coarse_one(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("dense surveys");
+    static const double spacings[] = { 0.1, 0.2, 0.5, 1.0, 5.0 };
+    for (uint32_t i = 0; i < sizeof spacings / sizeof spacings[0]; ++i) {
+        uint32_t count;
+        const double noise = spacings[i] < 1.0 ? 0.02 : 0.05;
+        double (*points)[2] = survey_of(12e3, spacings[i], noise, &rng, &count);
+        world* w = world_new();
+        add_lane(w, -1, -1);
+        w->lanes[0].points = (const double(*)[2])points;
+        w->lanes[0].point_count = count;
+        const vg_lane* lane = &build(w)->lanes[0];
+        CHECK_NEAR(lane->length, 12e3, 12.0);
+        CHECK_AT_MOST(verge_road_deviation(w->road, 0), 0.3);
+        for (double s = 5.0; s < lane->length - 5.0; s += 0.7) {
+            CHECK_AT_MOST(fabs(vg_lane_at(lane, s).curvature), 1.0 / 400.0 + 0.004);
+            CHECK_NEAR(vg_lane_s(lane, vg_lane_station(lane, s)), s, 2e-3);
+        }
+        world_free(w);
+        free(points);
+    }
+}
+
+static void test_the_deviation_is_that_of_the_point_furthest_from_the_line(void** state)
+{
+    (void)state;
+    world* w = world_new(); // a straight lane, and one with a corner that no line can follow
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, 0.0, 100.0, 0.0);
+    add_lane(w, -1, -1);
+    add_straight(w, 0.0, 50.0, 40.0, 50.0);
+    add_point(w, 0.0, 80.0);
+    build(w);
+    CHECK_NEAR(verge_road_deviation(w->road, 0), 0.0, 1e-9);
+    double furthest = 0.0;
+    for (int i = 0; i < 3; ++i) {
+        const double* p = w->points[1][i];
+        double nearest = 1e9;
+        for (double s = 0.0; s <= w->road->lanes[1].length; s += 0.001) {
+            const vg_reference at = vg_lane_at(&w->road->lanes[1], s);
+            nearest = fmin(nearest, hypot(at.x - p[0], at.y - p[1]));
+        }
+        furthest = fmax(furthest, nearest);
+    }
+    CHECK_NEAR(verge_road_deviation(w->road, 1), furthest, 1e-3);
+    CHECK_BETWEEN(furthest, 0.05, 5.0);
+    world_free(w);
 }
 
 static void test_a_coarse_circle_is_a_circle(void** state)
@@ -637,12 +709,12 @@ static void test_every_broken_road_is_refused_with_its_reason(void** state)
     REFUSED(lane->id = -3, "id", "0 or more");
     REFUSED(w->lanes[1].id = 0, "id", "unique");
     REFUSED(lane->point_count = 1, "centerline", "two points");
-    REFUSED(lane->point_count = 1025, "centerline", "1024");
+    REFUSED(lane->point_count = VERGE_LANE_POINTS_MAX + 1, "centerline", "VERGE_LANE_POINTS_MAX");
     REFUSED(w->points[0][1][1] = NAN, "centerline", "finite");
     REFUSED(w->points[0][1][1] = INFINITY, "centerline", "finite");
     REFUSED(w->points[0][1][0] = 1e9, "centerline", "origin");
     REFUSED(w->points[0][1][0] = 0.0, "centerline", "coincide");
-    REFUSED(w->points[0][1][0] = 2001.0, "centerline", "2000 m");
+    REFUSED(w->points[0][1][0] = 1e5 + 1.0, "centerline", "100000 m");
     REFUSED(lane->width = 1.0, "width", "1.5 to 20");
     REFUSED(lane->width = NAN, "width", "1.5 to 20");
     REFUSED(lane->speed_limit = 61.0, "speed_limit", "0.5 to 60");
@@ -819,6 +891,8 @@ int main(void)
         cmocka_unit_test(test_lines_are_smooth_near_their_survey_and_measured_by_arc),
         cmocka_unit_test(test_a_straight_lane_is_exactly_straight),
         cmocka_unit_test(test_noise_of_a_survey_is_not_followed),
+        cmocka_unit_test(test_a_dense_survey_of_a_long_road_is_fitted_as_a_coarse_one),
+        cmocka_unit_test(test_the_deviation_is_that_of_the_point_furthest_from_the_line),
         cmocka_unit_test(test_a_coarse_circle_is_a_circle),
         cmocka_unit_test(test_seams_of_one_to_one_lanes_do_not_show),
         cmocka_unit_test(test_projection_undoes_position),

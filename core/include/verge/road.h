@@ -2,7 +2,8 @@
 ///
 /// The caller describes lanes by polylines; the planner fits a smooth reference line to each
 /// (continuous heading and curvature, the smoothest one that stays within 0.15 m of the survey;
-/// 0.3 m of single points of it, and where lanes merge), finds which neighbours run beside where,
+/// 0.3 m of single points of it, and where lanes merge; verge_road_deviation() tells what it came
+/// to), finds which neighbours run beside where,
 /// which lanes meet downstream, and where lanes that are not neighbours run through the same area.
 ///
 /// Lifetime    The def and all it points to are read by verge_planner_init() only, and copied.
@@ -72,6 +73,9 @@ void verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
 double  verge_road_length(const verge_road* road, int32_t lane_id);      ///< [m] of the reference line
 double  verge_road_width(const verge_road* road, int32_t lane_id);       ///< [m]
 double  verge_road_speed_limit(const verge_road* road, int32_t lane_id); ///< [m/s]
+/// [m] distance of the surveyed point that lies furthest from the lane's reference line. Surveys
+/// that no vehicle can follow, or that are noisy, deviate more than the tolerances above.
+double  verge_road_deviation(const verge_road* road, int32_t lane_id);
 /// The lane that continues lane_id on the way to target_lane (first successor if there is none
 /// better), or VERGE_NO_LANE where nothing continues it.
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane);

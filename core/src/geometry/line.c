@@ -13,8 +13,10 @@ typedef struct axis {
 
 static axis axis_at(const vg_line* self, const double* value, const double* second, uint32_t knot,
                     double u);
-static uint32_t nearest_knot(const vg_line* self, double x, double y);
+static uint32_t nearest_knot(const vg_line* self, double x, double y, uint32_t hint);
+static double project_near(const vg_line* self, double x, double y, uint32_t knot);
 static uint32_t walk_to_nearest_knot(const vg_line* self, double x, double y, double s_guess);
+static uint32_t knot_at(const vg_line* self, double s);
 static double knot_distance_squared(const vg_line* self, uint32_t knot, double x, double y);
 static double refine(const vg_line* self, double x, double y, double low, double high);
 
@@ -69,7 +71,18 @@ static axis axis_at(const vg_line* self, const double* value, const double* seco
 double vg_line_project(const vg_line* self, double x, double y, double s_guess)
 {
     const uint32_t knot = s_guess == s_guess ? walk_to_nearest_knot(self, x, y, s_guess)
-                                             : nearest_knot(self, x, y);
+                                             : nearest_knot(self, x, y, 0);
+    return project_near(self, x, y, knot);
+}
+
+double vg_line_project_whole(const vg_line* self, double x, double y, double s_hint)
+{
+    return project_near(self, x, y, nearest_knot(self, x, y, knot_at(self, s_hint)));
+}
+
+/// The nearest point within an interval of this knot, or beyond the line's end next to it.
+static double project_near(const vg_line* self, double x, double y, uint32_t knot)
+{
     const uint32_t last = self->knot_count - 1;
     const uint32_t first = knot == 0 ? 0 : knot - 1;
     const uint32_t second = knot == last ? last : knot + 1;
@@ -89,14 +102,15 @@ double vg_line_project(const vg_line* self, double x, double y, double s_guess)
 }
 
 /// Exact over all knots. Distances change by at most one spacing from knot to knot, so a knot
-/// that is far off lets us skip as many as cannot be nearer than the best one so far.
-static uint32_t nearest_knot(const vg_line* self, double x, double y)
+/// that is far off lets us skip as many as cannot be nearer than the best one so far. A hint close
+/// to the answer makes that most of them; of equally near knots the first is taken.
+static uint32_t nearest_knot(const vg_line* self, double x, double y, uint32_t hint)
 {
-    uint32_t best = 0;
-    double best_distance = vg_sqrt(knot_distance_squared(self, 0, x, y));
-    for (uint32_t i = 1; i < self->knot_count;) {
+    uint32_t best = hint;
+    double best_distance = vg_sqrt(knot_distance_squared(self, hint, x, y));
+    for (uint32_t i = hint == 0 ? 1 : 0; i < self->knot_count;) {
         const double distance = vg_sqrt(knot_distance_squared(self, i, x, y));
-        if (distance < best_distance) {
+        if (distance < best_distance || (distance == best_distance && i < best)) {
             best = i;
             best_distance = distance;
         }
@@ -107,11 +121,16 @@ static uint32_t nearest_knot(const vg_line* self, double x, double y)
     return best;
 }
 
+static uint32_t knot_at(const vg_line* self, double s)
+{
+    const double knots = (s - self->start) / self->knot_spacing + 0.5;
+    return (uint32_t)vg_clamp(knots, 0.0, (double)(self->knot_count - 1));
+}
+
 static uint32_t walk_to_nearest_knot(const vg_line* self, double x, double y, double s_guess)
 {
     const uint32_t last = self->knot_count - 1;
-    const double knots = (s_guess - self->start) / self->knot_spacing + 0.5;
-    uint32_t knot = (uint32_t)vg_clamp(knots, 0.0, (double)last);
+    uint32_t knot = knot_at(self, s_guess);
     double here = knot_distance_squared(self, knot, x, y);
     for (uint32_t step = 0; step < last; ++step) {
         uint32_t next = knot;

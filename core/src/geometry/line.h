@@ -33,6 +33,9 @@ vg_reference vg_line_at(const vg_line* line, double s);
 /// starts; NaN: the whole line is searched.
 double vg_line_project(const vg_line* line, double x, double y, double s_guess);
 
+/// The same over the whole line; the nearer s_hint is to the answer, the faster. Not NaN.
+double vg_line_project_whole(const vg_line* line, double x, double y, double s_hint);
+
 /// [m] from the line's point `at` to (x, y), along the line's direction there.
 static inline double vg_ahead_of(const vg_reference* at, double x, double y)
 {

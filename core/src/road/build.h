@@ -21,6 +21,9 @@ extern "C" {
 /// surveys let branches meet the main lane at an angle that no vehicle drives. [m]
 #define VG_FIT_SEAM_TOLERANCE 0.15
 #define VG_FIT_SEAM 20.0
+/// Surveyed points nearer to one another than this are averaged: the fit takes a sample a metre,
+/// and the mean of several points has less noise than each. [m]
+#define VG_SURVEY_SPACING 0.5
 /// Lanes further apart than this are no continuation of one another. [m]
 #define VG_GAP_MAX 20.0
 /// Width of the widest body that conflicts are found for. [m]
@@ -39,24 +42,44 @@ typedef struct vg_road_draft {
     struct verge_road*    road;
     const verge_road_def* def;
     vg_arena*             scratch;
-    vg_lane_storage       storage[VERGE_LANES_MAX];
-    uint64_t              predecessors[VERGE_LANES_MAX]; ///< lanes (bits) that name the lane
+    size_t                scratch_start; ///< [B] what a stage takes of scratch begins here
+    vg_lane_storage*      storage; ///< [lane_count]
 } vg_road_draft;
+
+/// Lane indices in the order of their ids; equal ids in the order of their indices.
+void    vg_lanes_sort(const verge_road_def* def, uint16_t* order);
+/// Index of the first lane with this id, -1 none.
+int32_t vg_lanes_find(const verge_road_def* def, const uint16_t* order, int32_t id);
+
+/// The points of a survey one after the other, from its start or from its end. The first and the
+/// last point come as surveyed; points nearer than VG_SURVEY_SPACING to one of these are left out;
+/// between them runs of points within VG_SURVEY_SPACING of the run's first one come as their mean.
+typedef struct vg_survey {
+    const verge_lane_def* lane;
+    bool     backwards;
+    uint32_t next; ///< point that the next run begins with
+    uint32_t tail; ///< first point that the last one stands for
+} vg_survey;
+
+vg_survey vg_survey_from(const verge_lane_def* lane, bool backwards);
+bool      vg_survey_next(vg_survey* survey, double point[2]); ///< false: there are no more
+double    vg_survey_length(const verge_lane_def* lane);       ///< [m] of the polyline so reduced
+uint32_t  vg_survey_count(const verge_lane_def* lane);        ///< points so reduced
 
 /// Knots of a lane's line: follows from the survey's length alone, so that memory can be sized
 /// without fitting.
 uint32_t vg_lane_knot_count(const verge_lane_def* lane);
-/// Stations advance by 0.5 to 2 m a metre of lane (road_bundle.c), which bounds the bins.
+/// Stations advance by 0.5 to 2 m a metre of lane (bundle.c), which bounds the bins.
 uint32_t vg_lane_bin_capacity(const verge_lane_def* lane);
-double   vg_survey_length(const verge_lane_def* lane); ///< [m]
 
-void   vg_road_fit(vg_road_draft* draft);           ///< reference lines (road_fit.c)
+void   vg_road_fit(vg_road_draft* draft);           ///< reference lines (fit.c)
 size_t vg_road_fit_scratch_size(const verge_road_def* def);
-void   vg_road_bundle(vg_road_draft* draft);        ///< stations, bins (road_bundle.c)
-void   vg_road_relate(vg_road_draft* draft);        ///< relations (road_relate.c)
+void   vg_road_bundle(vg_road_draft* draft);        ///< stations, bins (bundle.c)
+size_t vg_road_bundle_scratch_size(const verge_road_def* def);
+void   vg_road_relate(vg_road_draft* draft);        ///< relations (relate.c)
 size_t vg_road_relate_scratch_size(const verge_road_def* def);
-void   vg_road_route(vg_road_draft* draft);         ///< route tables (road_route.c)
-bool   vg_road_conflict(vg_road_draft* draft);      ///< (road_conflict.c); false: too many
+void   vg_road_route(vg_road_draft* draft);         ///< route tables (route.c)
+bool   vg_road_conflict(vg_road_draft* draft);      ///< (conflict.c); false: too many
 
 /// Lane `other` runs within `limit` metres of `lane` here, as seen along `lane`.
 typedef struct vg_run {

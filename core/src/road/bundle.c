@@ -34,58 +34,46 @@ static const double bend_reach = 2.0;
 /// How many short lanes ahead of a slow one know of it.
 enum { seam_rounds = 4 };
 
-static uint64_t links_of(const struct verge_road* road, uint32_t lane);
+/// Which lanes are neighbours, in scratch.
+typedef struct links {
+    uint32_t* from;    ///< [lane_count + 1] a lane's part of `of` begins here
+    uint16_t* of;
+    uint16_t* members; ///< of the bundle under way
+    bool*     placed;  ///< [lane_count]
+} links;
+
+static bool links_from(links* all, const vg_road_draft* draft);
+static void lay_bundle(vg_road_draft* draft, links* all, uint32_t lane, uint32_t bundle);
 static void lay_first(vg_road_draft* draft, uint32_t lane);
 static void lay_beside(vg_road_draft* draft, uint32_t lane, uint32_t neighbour);
+/// Where the last point was on the neighbour. Beside it the next point is looked for near there;
+/// elsewhere on all of the neighbour, from there on.
+typedef struct trace {
+    double s;
+    bool   beside;
+} trace;
+
+static double trace_project(const trace* at, const vg_lane* neighbour, double x, double y);
 static bool find_beside(const vg_lane* lane, const vg_lane* neighbour, double s, double* station,
-                        double* lateral, double* guess);
+                        double* lateral, trace* last);
 static void fill_gaps(vg_road_draft* draft, uint32_t lane);
 static void fill_speeds(vg_road_draft* draft, uint32_t lane);
 static void look_ahead(vg_road_draft* draft, uint32_t lane);
-static float gap_at(const vg_road_draft* draft, uint32_t lane, bool left, double s, double* guess);
+static float gap_at(const vg_road_draft* draft, uint32_t lane, bool left, double s, trace* last);
 
 void vg_road_bundle(vg_road_draft* draft)
 {
     struct verge_road* road = draft->road;
-    uint64_t placed = 0;
+    draft->scratch->used = draft->scratch_start;
+    links all;
+    if (!links_from(&all, draft)) {
+        return;
+    }
     uint32_t bundle = 0;
     for (uint32_t i = 0; i < road->lane_count; ++i) {
-        if ((placed >> i & 1u) != 0) {
-            continue;
+        if (!all.placed[i]) {
+            lay_bundle(draft, &all, i, bundle++);
         }
-        // Everyone connected with i, and the longest of them.
-        uint64_t members = (uint64_t)1 << i;
-        for (uint64_t before = 0; before != members;) {
-            before = members;
-            for (uint32_t k = 0; k < road->lane_count; ++k) {
-                members |= (before >> k & 1u) != 0 ? links_of(road, k) : 0;
-            }
-        }
-        uint32_t longest = i;
-        for (uint32_t k = i; k < road->lane_count; ++k) {
-            if ((members >> k & 1u) != 0 && road->lanes[k].length > road->lanes[longest].length) {
-                longest = k;
-            }
-        }
-        road->lanes[longest].bundle = bundle;
-        lay_first(draft, longest);
-        placed |= (uint64_t)1 << longest;
-
-        // Then neighbour by neighbour: always the lowest lane that touches one already placed.
-        while ((members & ~placed) != 0) {
-            bool laid = false;
-            for (uint32_t k = 0; k < road->lane_count && !laid; ++k) {
-                const uint64_t beside = links_of(road, k) & placed;
-                if (((members & ~placed) >> k & 1u) != 0 && beside != 0) {
-                    road->lanes[k].bundle = bundle;
-                    lay_beside(draft, k, (uint32_t)__builtin_ctzll(beside));
-                    placed |= (uint64_t)1 << k;
-                    laid = true;
-                }
-            }
-            VERGE_ASSERT(laid);
-        }
-        ++bundle;
     }
     for (uint32_t i = 0; i < road->lane_count; ++i) {
         fill_gaps(draft, i);
@@ -98,25 +86,124 @@ void vg_road_bundle(vg_road_draft* draft)
     }
 }
 
+size_t vg_road_bundle_scratch_size(const verge_road_def* def)
+{
+    const size_t n = def->lane_count;
+    return (n + 1) * sizeof(uint32_t) + 5 * n * sizeof(uint16_t) + n * sizeof(bool)
+           + 4 * VG_ARENA_ALIGN;
+}
+
 uint32_t vg_lane_bin_capacity(const verge_lane_def* lane)
 {
     // A line is at most a third longer than its survey (a circle by its inscribed polygon).
     const double bins = rate_max * 1.34 * vg_survey_length(lane) / VG_BIN;
-    return (uint32_t)vg_clamp(bins, 0.0, 1e5) + 4;
+    return (uint32_t)vg_clamp(bins, 0.0, 1e6) + 4;
 }
 
-/// Lanes that are neighbours of `lane`, by its own word or by theirs.
-static uint64_t links_of(const struct verge_road* road, uint32_t lane)
+/// Neighbours by their own word or by the other's: a lane's part of all->of, with repetitions.
+static bool links_from(links* all, const vg_road_draft* draft)
 {
-    uint64_t links = 0;
-    for (uint32_t k = 0; k < road->lane_count; ++k) {
-        const bool mine = road->lanes[lane].left == (int32_t)k
-                          || road->lanes[lane].right == (int32_t)k;
-        const bool theirs = road->lanes[k].left == (int32_t)lane
-                            || road->lanes[k].right == (int32_t)lane;
-        links |= k != lane && (mine || theirs) ? (uint64_t)1 << k : 0;
+    const struct verge_road* road = draft->road;
+    const uint32_t n = road->lane_count;
+    all->from = vg_arena_take(draft->scratch, (n + 1) * sizeof *all->from);
+    all->of = vg_arena_take(draft->scratch, 4 * n * sizeof *all->of);
+    all->members = vg_arena_take(draft->scratch, n * sizeof *all->members);
+    all->placed = vg_arena_take(draft->scratch, n * sizeof *all->placed);
+    if (draft->scratch->failed) {
+        return false;
     }
-    return links;
+    for (uint32_t pass = 0; pass < 2; ++pass) { // count, then write each part from its end
+        for (uint32_t i = 0; i < n; ++i) {
+            const int32_t beside[2] = { road->lanes[i].left, road->lanes[i].right };
+            for (uint32_t side = 0; side < 2; ++side) {
+                if (beside[side] < 0 || beside[side] == (int32_t)i) {
+                    continue;
+                }
+                const uint32_t other = (uint32_t)beside[side];
+                if (pass == 0) {
+                    ++all->from[i];
+                    ++all->from[other];
+                } else {
+                    all->of[--all->from[i]] = (uint16_t)other;
+                    all->of[--all->from[other]] = (uint16_t)i;
+                }
+            }
+        }
+        for (uint32_t i = 0; pass == 0 && i < n; ++i) {
+            all->from[i + 1] += all->from[i];
+        }
+    }
+    return true;
+}
+
+/// The lowest lane that is placed and a neighbour of this one, -1 none.
+static int32_t placed_beside(const links* all, uint32_t lane)
+{
+    int32_t lowest = -1;
+    for (uint32_t k = all->from[lane]; k < all->from[lane + 1]; ++k) {
+        const int32_t other = all->of[k];
+        if (all->placed[other] && (lowest < 0 || other < lowest)) {
+            lowest = other;
+        }
+    }
+    return lowest;
+}
+
+/// Everyone connected with `lane`, in the order of the lanes; returns how many.
+static uint32_t members_of(links* all, uint32_t lane)
+{
+    uint32_t count = 1;
+    all->members[0] = (uint16_t)lane;
+    for (uint32_t at = 0; at < count; ++at) {
+        const uint32_t here = all->members[at];
+        for (uint32_t k = all->from[here]; k < all->from[here + 1]; ++k) {
+            bool known = false;
+            for (uint32_t m = 0; m < count; ++m) {
+                known = known || all->members[m] == all->of[k];
+            }
+            if (!known) {
+                all->members[count++] = all->of[k];
+            }
+        }
+    }
+    for (uint32_t i = 1; i < count; ++i) { // few: by insertion
+        const uint16_t member = all->members[i];
+        uint32_t at = i;
+        for (; at > 0 && all->members[at - 1] > member; --at) {
+            all->members[at] = all->members[at - 1];
+        }
+        all->members[at] = member;
+    }
+    return count;
+}
+
+/// The longest lane first, then neighbour by neighbour: always the lowest lane that touches one
+/// already placed.
+static void lay_bundle(vg_road_draft* draft, links* all, uint32_t lane, uint32_t bundle)
+{
+    struct verge_road* road = draft->road;
+    const uint32_t count = members_of(all, lane);
+    uint32_t longest = lane;
+    for (uint32_t m = 0; m < count; ++m) {
+        if (road->lanes[all->members[m]].length > road->lanes[longest].length) {
+            longest = all->members[m];
+        }
+    }
+    road->lanes[longest].bundle = bundle;
+    lay_first(draft, longest);
+    all->placed[longest] = true;
+    for (uint32_t placed = 1; placed < count; ++placed) {
+        int32_t beside = -1;
+        uint32_t m = 0;
+        for (; m < count && beside < 0; ++m) {
+            beside = all->placed[all->members[m]] ? -1 : placed_beside(all, all->members[m]);
+        }
+        VERGE_ASSERT(beside >= 0);
+        const uint32_t next = all->members[m - 1];
+        road->lanes[next].bundle = bundle;
+        lay_beside(draft, next, (uint32_t)beside);
+        all->placed[next] = true;
+    }
 }
 
 static void lay_first(vg_road_draft* draft, uint32_t index)
@@ -124,7 +211,7 @@ static void lay_first(vg_road_draft* draft, uint32_t index)
     vg_lane* lane = &draft->road->lanes[index];
     const vg_lane_storage* storage = &draft->storage[index];
     lane->station_start = 0.0;
-    lane->bin_count = (uint32_t)(vg_clamp(lane->length / VG_BIN, 0.0, 1e5)) + 2;
+    lane->bin_count = (uint32_t)(vg_clamp(lane->length / VG_BIN, 0.0, 1e6)) + 2;
     VERGE_ASSERT(lane->bin_count <= storage->bin_capacity);
     for (uint32_t i = 0; i < lane->bin_count; ++i) {
         storage->bins[i].s = (float)(VG_BIN * (double)i);
@@ -143,10 +230,10 @@ static void lay_beside(vg_road_draft* draft, uint32_t index, uint32_t neighbour)
 
     // The first point beside tells where the lane starts.
     double station = 0.0, lateral = 0.0;
-    double guess = __builtin_nan("");
+    trace last = { .s = 0.0 };
     uint32_t first = 0;
     while (first < lane->line.knot_count
-           && !find_beside(lane, beside, h * (double)first, &station, &lateral, &guess)) {
+           && !find_beside(lane, beside, h * (double)first, &station, &lateral, &last)) {
         ++first;
     }
     if (first == lane->line.knot_count) { // never beside: as if both started together, far apart
@@ -162,7 +249,7 @@ static void lay_beside(vg_road_draft* draft, uint32_t index, uint32_t neighbour)
     double rate = 1.0;
     for (uint32_t knot = 1; knot < lane->line.knot_count; ++knot) {
         double target = at + h, aside = lateral;
-        if (knot > first && find_beside(lane, beside, h * (double)knot, &target, &aside, &guess)) {
+        if (knot > first && find_beside(lane, beside, h * (double)knot, &target, &aside, &last)) {
             lateral = aside;
         }
         const double step = vg_clamp(target - at, rate_min * h, rate_max * h);
@@ -186,24 +273,29 @@ static void lay_beside(vg_road_draft* draft, uint32_t index, uint32_t neighbour)
     lane->station_end = vg_lane_station(lane, lane->length);
 }
 
+static double trace_project(const trace* at, const vg_lane* neighbour, double x, double y)
+{
+    return at->beside ? vg_lane_project(neighbour, x, y, at->s)
+                      : vg_lane_project_whole(neighbour, x, y, at->s);
+}
+
 /// Station and lateral position of the lane's point at s, by the neighbour that has its place.
 static bool find_beside(const vg_lane* lane, const vg_lane* neighbour, double s, double* station,
-                        double* lateral, double* guess)
+                        double* lateral, trace* last)
 {
     const vg_reference at = vg_lane_at(lane, s);
-    const double other = vg_lane_project(neighbour, at.x, at.y, *guess);
+    const double other = trace_project(last, neighbour, at.x, at.y);
+    *last = (trace){ .s = other };
     if (!(other >= -end_slack && other <= neighbour->length + end_slack)) {
-        *guess = __builtin_nan("");
         return false;
     }
     const vg_reference there = vg_lane_at(neighbour, other);
     const double d = (at.y - there.y) * there.cos_heading - (at.x - there.x) * there.sin_heading;
     const double cosine = at.cos_heading * there.cos_heading + at.sin_heading * there.sin_heading;
     if (vg_abs(d) > beside_distance || cosine < beside_cosine) {
-        *guess = __builtin_nan("");
         return false;
     }
-    *guess = other;
+    last->beside = true;
     *station = vg_lane_station(neighbour, other);
 
     const double bins = (*station - neighbour->station_start) / VG_BIN;
@@ -218,12 +310,11 @@ static void fill_gaps(vg_road_draft* draft, uint32_t index)
 {
     const vg_lane* lane = &draft->road->lanes[index];
     vg_bin* bins = draft->storage[index].bins;
-    double left_guess = __builtin_nan("");
-    double right_guess = __builtin_nan("");
+    trace on_left = { .s = 0.0 }, on_right = { .s = 0.0 };
     for (uint32_t i = 0; i < lane->bin_count; ++i) {
         const double s = (double)bins[i].s;
-        bins[i].left_gap = gap_at(draft, index, true, s, &left_guess);
-        bins[i].right_gap = gap_at(draft, index, false, s, &right_guess);
+        bins[i].left_gap = gap_at(draft, index, true, s, &on_left);
+        bins[i].right_gap = gap_at(draft, index, false, s, &on_right);
     }
 }
 
@@ -268,7 +359,7 @@ static void look_ahead(vg_road_draft* draft, uint32_t index)
 }
 
 /// [m] to the neighbour's centre where a change to it is possible and allowed, else 0.
-static float gap_at(const vg_road_draft* draft, uint32_t index, bool left, double s, double* guess)
+static float gap_at(const vg_road_draft* draft, uint32_t index, bool left, double s, trace* last)
 {
     const vg_lane* lane = &draft->road->lanes[index];
     const verge_lane_def* def = &draft->def->lanes[index];
@@ -288,8 +379,8 @@ static float gap_at(const vg_road_draft* draft, uint32_t index, bool left, doubl
     }
     const vg_lane* neighbour = &draft->road->lanes[other];
     const vg_reference at = vg_lane_at(lane, s);
-    const double there_s = vg_lane_project(neighbour, at.x, at.y, *guess);
-    *guess = __builtin_nan("");
+    const double there_s = trace_project(last, neighbour, at.x, at.y);
+    *last = (trace){ .s = there_s };
     if (!(there_s >= -end_slack && there_s <= neighbour->length + end_slack)) {
         return 0.0f;
     }
@@ -301,6 +392,6 @@ static float gap_at(const vg_road_draft* draft, uint32_t index, bool left, doubl
     if (!(gap >= gap_min * width && gap <= gap_max * width && cosine >= change_cosine)) {
         return 0.0f;
     }
-    *guess = there_s;
+    last->beside = true;
     return (float)gap;
 }

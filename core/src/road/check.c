@@ -4,17 +4,27 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 
-static const char* check_lane(const verge_road_def* def, uint32_t index, const char** field);
+/// A road under check.
+typedef struct checked {
+    const verge_road_def* def;
+    uint16_t by_id[VERGE_LANES_MAX];
+} checked;
+
+static const char* check_names(const checked* road, uint32_t* index);
+static const char* check_lane(const checked* road, uint32_t index, const char** field);
 static const char* check_centerline(const verge_lane_def* lane);
 static bool doubles_back(const verge_lane_def* lane);
-static const char* check_neighbour(const verge_road_def* def, uint32_t index, int32_t id);
+static const char* check_neighbour(const checked* road, uint32_t index, int32_t id);
 static bool turns_round(const verge_lane_def* lane, const verge_lane_def* next);
-static const char* check_successors(const verge_road_def* def, const verge_lane_def* lane);
+static const char* check_successors(const checked* road, const verge_lane_def* lane);
 static const char* check_changes(const verge_lane_def* lane, int32_t neighbour,
                                  const verge_stretch* stretches, uint32_t count);
 static const char* check_stretches(const verge_lane_def* lane, const verge_stretch* stretches,
                                    uint32_t count);
-static const verge_lane_def* find(const verge_road_def* def, int32_t id);
+static const verge_lane_def* find(const checked* road, int32_t id);
+
+#define TEXT_OF(number) TEXT_OF_EXPANDED(number)
+#define TEXT_OF_EXPANDED(number) #number
 /// Coordinates beyond this lose the last millimetres of a double's precision in squares. [m]
 static const double coordinate_max = 1e7;
 /// Directions are taken between points at least so far apart: nearer ones tell more of the
@@ -27,47 +37,54 @@ static const double turn_cosine_min = -0.86602540378443865;
 /// northwards does not go on southwards; more likely the other lane is drawn in reverse.
 static const double successor_cosine_min = -1e-6;
 
+static verge_status refuse(verge_road_fault* fault, uint32_t lane_index, const char* field,
+                           const char* text)
+{
+    *fault = (verge_road_fault){ .lane_index = lane_index, .field = field, .text = text };
+    return VERGE_ERR_ROAD;
+}
+
 verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault)
 {
-    VERGE_ASSERT(def != NULL);
     verge_road_fault ignored;
     fault = fault != NULL ? fault : &ignored;
     *fault = (verge_road_fault){ .lane_index = 0 };
-
-    if (def->lanes == NULL || def->lane_count == 0) {
-        fault->field = "lanes";
-        fault->text = "a road has at least one lane";
-        return VERGE_ERR_ROAD;
+    if (def == NULL || def->lanes == NULL || def->lane_count == 0) {
+        return refuse(fault, 0, "lanes", "a road has at least one lane");
     }
     if (def->lane_count > VERGE_LANES_MAX) {
-        fault->field = "lanes";
-        fault->text = "more lanes than the capacity of 64 (VERGE_LANES_MAX)";
-        return VERGE_ERR_ROAD;
+        return refuse(fault, VERGE_LANES_MAX, "lanes", "more lanes than the capacity of "
+                      TEXT_OF(VERGE_LANES_MAX) " (VERGE_LANES_MAX)");
     }
-    for (uint32_t i = 0; i < def->lane_count; ++i) { // first the names, or references mean nothing
-        const bool named = def->lanes[i].id >= 0;
-        if (!named || find(def, def->lanes[i].id) != &def->lanes[i]) {
-            fault->lane_index = i;
-            fault->field = "id";
-            fault->text = named ? "an earlier lane has the same id; ids are unique"
-                                : "a lane id is 0 or more";
-            return VERGE_ERR_ROAD;
-        }
+    checked road = { .def = def };
+    vg_lanes_sort(def, road.by_id);
+    uint32_t index = 0;
+    const char* field = "id";
+    const char* text = check_names(&road, &index); // without names references mean nothing
+    for (uint32_t i = 0; text == NULL && i < def->lane_count; ++i) {
+        index = i;
+        text = check_lane(&road, i, &field);
     }
-    for (uint32_t i = 0; i < def->lane_count; ++i) {
-        const char* field = NULL;
-        const char* text = check_lane(def, i, &field);
-        if (text != NULL) {
-            *fault = (verge_road_fault){ .lane_index = i, .field = field, .text = text };
-            return VERGE_ERR_ROAD;
-        }
-    }
-    return VERGE_OK;
+    return text != NULL ? refuse(fault, index, field, text) : VERGE_OK;
 }
 
-static const char* check_lane(const verge_road_def* def, uint32_t index, const char** field)
+static const char* check_names(const checked* road, uint32_t* index)
 {
-    const verge_lane_def* lane = &def->lanes[index];
+    for (*index = 0; *index < road->def->lane_count; ++*index) {
+        const verge_lane_def* lane = &road->def->lanes[*index];
+        if (lane->id < 0) {
+            return "a lane id is 0 or more";
+        }
+        if (find(road, lane->id) != lane) {
+            return "an earlier lane has the same id; ids are unique";
+        }
+    }
+    return NULL;
+}
+
+static const char* check_lane(const checked* road, uint32_t index, const char** field)
+{
+    const verge_lane_def* lane = &road->def->lanes[index];
     *field = "centerline";
     const char* text = check_centerline(lane);
     if (text != NULL) {
@@ -82,12 +99,12 @@ static const char* check_lane(const verge_road_def* def, uint32_t index, const c
         return "a speed limit is 0.5 to 60 m/s";
     }
     *field = "left";
-    text = check_neighbour(def, index, lane->left);
+    text = check_neighbour(road, index, lane->left);
     if (text != NULL) {
         return text;
     }
     *field = "right";
-    text = check_neighbour(def, index, lane->right);
+    text = check_neighbour(road, index, lane->right);
     if (text == NULL && lane->right != VERGE_NO_LANE && lane->right == lane->left) {
         text = "one lane cannot be on the left and on the right";
     }
@@ -95,7 +112,7 @@ static const char* check_lane(const verge_road_def* def, uint32_t index, const c
         return text;
     }
     *field = "successors";
-    text = check_successors(def, lane);
+    text = check_successors(road, lane);
     if (text == NULL && lane->change_left_given) {
         *field = "change_left";
         text = check_changes(lane, lane->left, lane->change_left, lane->change_left_count);
@@ -113,7 +130,8 @@ static const char* check_centerline(const verge_lane_def* lane)
         return "a centreline has two points or more";
     }
     if (lane->point_count > VERGE_LANE_POINTS_MAX) {
-        return "more points than the capacity of 1024 a lane (VERGE_LANE_POINTS_MAX)";
+        return "more points than the capacity of " TEXT_OF(VERGE_LANE_POINTS_MAX)
+               " a lane (VERGE_LANE_POINTS_MAX)";
     }
     for (uint32_t i = 0; i < lane->point_count; ++i) {
         for (int axis = 0; axis < 2; ++axis) {
@@ -131,7 +149,8 @@ static const char* check_centerline(const verge_lane_def* lane)
         return "a lane is at least 0.5 m long; these points (nearly) coincide";
     }
     if (length > VERGE_LANE_LENGTH_MAX) {
-        return "longer than the capacity of 2000 m a lane (VERGE_LANE_LENGTH_MAX)";
+        return "longer than the capacity of " TEXT_OF(VERGE_LANE_LENGTH_MAX)
+               " m a lane (VERGE_LANE_LENGTH_MAX)";
     }
     if (doubles_back(lane)) {
         return "doubles back by more than 150 degrees; points are in travel direction";
@@ -193,15 +212,15 @@ static direction direction_at_end(const verge_lane_def* lane)
     return here;
 }
 
-static const char* check_neighbour(const verge_road_def* def, uint32_t index, int32_t id)
+static const char* check_neighbour(const checked* road, uint32_t index, int32_t id)
 {
     if (id == VERGE_NO_LANE) {
         return NULL;
     }
-    if (id == def->lanes[index].id) {
-        return "a lane is not its own neighbour";
+    if (id == road->def->lanes[index].id) {
+        return "a lane is not its own neighbour; VERGE_NO_LANE (-1) where there is none";
     }
-    return find(def, id) == NULL ? "names a lane that does not exist" : NULL;
+    return find(road, id) == NULL ? "names a lane that does not exist" : NULL;
 }
 
 /// Does whoever goes on from lane to next turn by more than 90 degrees?
@@ -210,14 +229,15 @@ static bool turns_round(const verge_lane_def* lane, const verge_lane_def* next)
     return turns_beyond(direction_at_end(lane), direction_at_start(next), successor_cosine_min);
 }
 
-static const char* check_successors(const verge_road_def* def, const verge_lane_def* lane)
+static const char* check_successors(const checked* road, const verge_lane_def* lane)
 {
     if (lane->successor_count > VERGE_SUCCESSORS_MAX) {
-        return "more successors than the capacity of 8 (VERGE_SUCCESSORS_MAX)";
+        return "more successors than the capacity of " TEXT_OF(VERGE_SUCCESSORS_MAX)
+               " (VERGE_SUCCESSORS_MAX)";
     }
     const double* end = lane->points[lane->point_count - 1];
     for (uint32_t i = 0; i < lane->successor_count; ++i) {
-        const verge_lane_def* next = find(def, lane->successors[i]);
+        const verge_lane_def* next = find(road, lane->successors[i]);
         if (next == NULL) {
             return "names a lane that does not exist";
         }
@@ -255,7 +275,8 @@ static const char* check_stretches(const verge_lane_def* lane, const verge_stret
                                    uint32_t count)
 {
     if (count > VERGE_STRETCHES_MAX) {
-        return "more stretches than the capacity of 8 (VERGE_STRETCHES_MAX)";
+        return "more stretches than the capacity of " TEXT_OF(VERGE_STRETCHES_MAX)
+               " (VERGE_STRETCHES_MAX)";
     }
     // Surveys and line lengths differ by decimetres; a stretch that means "to the end" passes.
     const double length = vg_survey_length(lane), end = length + 5.0;
@@ -278,12 +299,8 @@ static const char* check_stretches(const verge_lane_def* lane, const verge_stret
     return NULL;
 }
 
-static const verge_lane_def* find(const verge_road_def* def, int32_t id)
+static const verge_lane_def* find(const checked* road, int32_t id)
 {
-    for (uint32_t i = 0; i < def->lane_count; ++i) {
-        if (def->lanes[i].id == id) {
-            return &def->lanes[i];
-        }
-    }
-    return NULL;
+    const int32_t index = vg_lanes_find(road->def, road->by_id, id);
+    return index < 0 ? NULL : &road->def->lanes[index];
 }

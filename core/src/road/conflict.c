@@ -53,10 +53,10 @@ uint32_t vg_lane_runs(const vg_lane* lane, const vg_lane* other, double limit, b
 {
     uint32_t count = 0;
     bool inside = false;
-    double step;
+    double step, there = 0.0;
     for (double s = 0.0; s <= lane->length; s += step) {
         const vg_reference at = vg_lane_at(lane, s);
-        double there = vg_lane_project(other, at.x, at.y, __builtin_nan(""));
+        there = vg_lane_project_whole(other, at.x, at.y, there);
         there = vg_clamp(there, 0.0, other->length);
         const vg_reference near = vg_lane_at(other, there);
         const double distance = vg_sqrt(vg_square(at.x - near.x) + vg_square(at.y - near.y));

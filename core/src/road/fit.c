@@ -36,17 +36,27 @@ static const double fitted_weight = 1e8;     // a fitted neighbour is not to be 
 static const double bow_max = 0.1;           // [m] by which an uneven corner may swing out
 enum { CONTEXT_VERTICES = 64, CONTEXT_KNOTS = 12 };
 
-/// Lanes that follow one another one to one.
+/// Lanes that follow one another one to one: a stretch of chains.lanes.
 typedef struct chain {
-    uint8_t  lanes[VERGE_LANES_MAX];
-    uint32_t lane_count;
-    uint32_t branches; ///< ends at which the road merges or parts
+    uint16_t first, lane_count;
+    uint16_t branches; ///< ends at which the road merges or parts
 } chain;
 
 typedef struct chains {
     uint32_t count;
+    uint16_t lanes[VERGE_LANES_MAX]; ///< each lane once
     chain    of[VERGE_LANES_MAX];
 } chains;
+
+/// What leads to each lane: the index of the only lane that does, or one of these.
+enum { LED_BY_NONE = -1, LED_BY_SEVERAL = -2 };
+
+/// The graph as the def has it.
+typedef struct graph {
+    const verge_road_def* def;
+    uint16_t by_id[VERGE_LANES_MAX];
+    int32_t  led_by[VERGE_LANES_MAX];
+} graph;
 
 /// A point of the survey. tangent and length are those of the shape from here to the next.
 typedef struct vertex {
@@ -71,8 +81,9 @@ typedef struct sample {
 /// One chain's work, in scratch.
 typedef struct fit {
     vg_road_draft* draft;
-    const chain*   chain;
-    uint64_t       fitted;      ///< lanes (bits) that have their line
+    const uint16_t* lanes;      ///< of the chain
+    uint32_t       lane_count;
+    const bool*    fitted;      ///< [lane] has its line
     double         origin_x, origin_y; ///< sums are kept small by working relative to it
     vertex*  vertices;
     uint32_t vertex_count, vertex_capacity;
@@ -84,9 +95,9 @@ typedef struct fit {
     double  *x, *y, *xss, *yss, *h, *work; ///< by sample first, by knot then
 } fit;
 
-static void chains_from(chains* all, const verge_road_def* def, const uint64_t* predecessors);
-static bool joined(const verge_road_def* def, const uint64_t* predecessors, uint32_t lane);
-static int32_t index_of(const verge_road_def* def, int32_t id);
+static void graph_from(graph* all, const verge_road_def* def);
+static void chains_from(chains* all, const graph* graph);
+static bool joined(const graph* graph, uint32_t lane, uint32_t* next);
 static void fit_chain(fit* self);
 static void vertices_collect(fit* self);
 static void context_before(fit* self);
@@ -106,33 +117,37 @@ static void knots_place(fit* self);
 static uint32_t knots_add(fit* self, uint32_t n, double s, double h, uint32_t count,
                           uint32_t* hint);
 static void lanes_store(fit* self, uint32_t knot);
+static double deviation_of(const vg_lane* lane, const verge_lane_def* survey);
 
 // ------------------------------------------------------------------------------ the whole
 
 void vg_road_fit(vg_road_draft* draft)
 {
-    const verge_road_def* def = draft->def;
     vg_arena* scratch = draft->scratch;
-    vg_arena_empty(scratch);
+    scratch->used = draft->scratch_start;
     chains* all = vg_arena_take(scratch, sizeof *all);
-    if (all == NULL) {
+    graph* links = vg_arena_take(scratch, sizeof *links);
+    bool* fitted = vg_arena_take(scratch, draft->def->lane_count * sizeof *fitted);
+    if (all == NULL || links == NULL || fitted == NULL) {
         return;
     }
-    chains_from(all, def, draft->predecessors);
+    graph_from(links, draft->def);
+    chains_from(all, links);
     const size_t mark = scratch->used;
 
     // Chains that others branch from come first, so that the branches can be led to them.
-    uint64_t fitted = 0;
     for (uint32_t branches = 3; branches-- > 0;) {
         for (uint32_t i = 0; i < all->count; ++i) {
-            if (all->of[i].branches != branches) {
+            const chain* chain = &all->of[i];
+            if (chain->branches != branches) {
                 continue;
             }
-            fit self = { .draft = draft, .chain = &all->of[i], .fitted = fitted };
+            fit self = { .draft = draft, .lanes = all->lanes + chain->first,
+                         .lane_count = chain->lane_count, .fitted = fitted };
             fit_chain(&self);
             scratch->used = mark;
-            for (uint32_t k = 0; k < all->of[i].lane_count; ++k) {
-                fitted |= (uint64_t)1 << all->of[i].lanes[k];
+            for (uint32_t k = 0; k < chain->lane_count; ++k) {
+                fitted[self.lanes[k]] = true;
             }
         }
     }
@@ -140,65 +155,52 @@ void vg_road_fit(vg_road_draft* draft)
 
 uint32_t vg_lane_knot_count(const verge_lane_def* lane)
 {
-    const double intervals = vg_clamp(vg_survey_length(lane) / VG_KNOT_SPACING, 3.0, 1e5);
+    const double intervals = vg_clamp(vg_survey_length(lane) / VG_KNOT_SPACING, 3.0, 1e6);
     const uint32_t whole = (uint32_t)intervals;
     return whole + ((double)whole < intervals ? 2u : 1u);
 }
 
-double vg_survey_length(const verge_lane_def* lane)
-{
-    double length = 0.0;
-    for (uint32_t i = 1; i < lane->point_count; ++i) {
-        length += vg_sqrt(vg_square(lane->points[i][0] - lane->points[i - 1][0])
-                          + vg_square(lane->points[i][1] - lane->points[i - 1][1]));
-    }
-    return length;
-}
-
 /// Capacities of a chain: by its survey, whose shape is longer by a fifth at most.
-static void capacities(const verge_road_def* def, const chain* chain, uint32_t* vertices,
-                       uint32_t* samples)
+static void capacities(const verge_road_def* def, const uint16_t* lanes, uint32_t lane_count,
+                       uint32_t* vertices, uint32_t* samples)
 {
     double length = 2.0 * (context_length + VG_GAP_MAX);
     uint32_t points = 2 * CONTEXT_VERTICES;
-    for (uint32_t k = 0; k < chain->lane_count; ++k) {
-        points += def->lanes[chain->lanes[k]].point_count;
-        length += vg_survey_length(&def->lanes[chain->lanes[k]]) + 4.0;
+    for (uint32_t k = 0; k < lane_count; ++k) {
+        points += vg_survey_count(&def->lanes[lanes[k]]);
+        length += vg_survey_length(&def->lanes[lanes[k]]) + 4.0;
     }
     *vertices = 3 * points;
-    *samples = (uint32_t)(1.3 * length / sample_spacing) + 64; // < 64 * 2004 * 1.3
+    *samples = (uint32_t)(1.3 * length / sample_spacing) + 64;
 }
 
 size_t vg_road_fit_scratch_size(const verge_road_def* def)
 {
+    graph links;
     chains all;
-    uint64_t predecessors[VERGE_LANES_MAX] = { 0 };
-    for (uint32_t i = 0; i < def->lane_count; ++i) {
-        for (uint32_t k = 0; k < def->lanes[i].successor_count; ++k) {
-            const int32_t next = index_of(def, def->lanes[i].successors[k]);
-            VERGE_ASSERT(next >= 0);
-            predecessors[next] |= (uint64_t)1 << i;
-        }
-    }
-    chains_from(&all, def, predecessors);
+    graph_from(&links, def);
+    chains_from(&all, &links);
     size_t largest = 0;
     for (uint32_t i = 0; i < all.count; ++i) {
         uint32_t vertices, samples;
-        capacities(def, &all.of[i], &vertices, &samples);
-        const size_t size = 2 * vertices * sizeof(vertex) + samples * sizeof(sample)
-                            + (size_t)samples * 7 * sizeof(double);
+        capacities(def, all.lanes + all.of[i].first, all.of[i].lane_count, &vertices, &samples);
+        const size_t size = 4 * (size_t)vertices / 3 * sizeof(vertex)
+                            + (size_t)samples * (sizeof(sample) + 7 * sizeof(double))
+                            + (all.of[i].lane_count + 1u) * sizeof(double);
         largest = size > largest ? size : largest;
     }
-    return largest + sizeof(chains) + sizeof(double) * (VERGE_LANES_MAX + 1) + 16 * VG_ARENA_ALIGN;
+    return largest + sizeof(chains) + sizeof(graph) + def->lane_count * sizeof(bool)
+           + 16 * VG_ARENA_ALIGN;
 }
 
 static void fit_chain(fit* self)
 {
     vg_arena* scratch = self->draft->scratch;
-    capacities(self->draft->def, self->chain, &self->vertex_capacity, &self->sample_capacity);
+    capacities(self->draft->def, self->lanes, self->lane_count, &self->vertex_capacity,
+               &self->sample_capacity);
     self->vertices = vg_arena_take(scratch, self->vertex_capacity * sizeof *self->vertices);
     self->samples = vg_arena_take(scratch, self->sample_capacity * sizeof *self->samples);
-    self->seams = vg_arena_take(scratch, (self->chain->lane_count + 1) * sizeof *self->seams);
+    self->seams = vg_arena_take(scratch, (self->lane_count + 1) * sizeof *self->seams);
     double** arrays[7] = { &self->arc, &self->x, &self->y, &self->xss, &self->yss, &self->h,
                            &self->work };
     for (int i = 0; i < 7; ++i) {
@@ -220,61 +222,75 @@ static void fit_chain(fit* self)
 
 // ------------------------------------------------------------------------------ chains
 
-static void chains_from(chains* all, const verge_road_def* def, const uint64_t* predecessors)
+static void graph_from(graph* all, const verge_road_def* def)
 {
+    all->def = def;
+    vg_lanes_sort(def, all->by_id);
+    for (uint32_t i = 0; i < def->lane_count; ++i) {
+        all->led_by[i] = LED_BY_NONE;
+    }
+    for (uint32_t i = 0; i < def->lane_count; ++i) {
+        for (uint32_t k = 0; k < def->lanes[i].successor_count; ++k) {
+            const int32_t next = vg_lanes_find(def, all->by_id, def->lanes[i].successors[k]);
+            VERGE_ASSERT(next >= 0);
+            all->led_by[next] = all->led_by[next] == LED_BY_NONE ? (int32_t)i : LED_BY_SEVERAL;
+        }
+    }
+}
+
+/// Adds the chain that begins with `lane`.
+static void chain_add(chains* all, const graph* graph, bool* taken, uint32_t lane)
+{
+    chain* added = &all->of[all->count];
+    added->first = all->count == 0 ? 0 : (uint16_t)(added[-1].first + added[-1].lane_count);
+    added->lane_count = 0;
+    added->branches = graph->led_by[lane] == LED_BY_SEVERAL ? 1u : 0u;
+    ++all->count;
+    uint32_t last;
+    bool more;
+    do {
+        last = lane;
+        all->lanes[added->first + added->lane_count++] = (uint16_t)lane;
+        taken[lane] = true;
+        more = joined(graph, last, &lane);
+    } while (more && !taken[lane]);
+    added->branches = (uint16_t)(added->branches
+                                 + (graph->def->lanes[last].successor_count > 1 ? 1u : 0u));
+}
+
+static void chains_from(chains* all, const graph* graph)
+{
+    bool taken[VERGE_LANES_MAX] = { false };
     all->count = 0;
-    uint64_t taken = 0;
     // First chains that have a first lane; what remains after that are rings, cut anywhere.
     for (int pass = 0; pass < 2; ++pass) {
-        for (uint32_t i = 0; i < def->lane_count; ++i) {
-            const uint64_t before = predecessors[i];
-            const bool continues = before != 0 && (before & (before - 1)) == 0
-                                   && joined(def, predecessors, (uint32_t)__builtin_ctzll(before));
-            if ((taken >> i & 1u) != 0 || (pass == 0 && continues)) {
-                continue;
+        for (uint32_t i = 0; i < graph->def->lane_count; ++i) {
+            uint32_t next;
+            const int32_t before = graph->led_by[i];
+            const bool continues = before >= 0 && joined(graph, (uint32_t)before, &next);
+            if (!taken[i] && (pass == 1 || !continues)) {
+                chain_add(all, graph, taken, i);
             }
-            chain* chain = &all->of[all->count++];
-            chain->lane_count = 0;
-            uint32_t lane = i;
-            do {
-                chain->lanes[chain->lane_count++] = (uint8_t)lane;
-                taken |= (uint64_t)1 << lane;
-                if (!joined(def, predecessors, lane)) {
-                    break;
-                }
-                lane = (uint32_t)index_of(def, def->lanes[lane].successors[0]);
-            } while ((taken >> lane & 1u) == 0);
-            const uint32_t last = chain->lanes[chain->lane_count - 1];
-            chain->branches = ((before & (before - 1)) != 0 ? 1u : 0u)
-                              + (def->lanes[last].successor_count > 1 ? 1u : 0u);
         }
     }
 }
 
 /// Does `lane` go on into exactly one lane, which nothing else leads to, without a gap?
-static bool joined(const verge_road_def* def, const uint64_t* predecessors, uint32_t lane)
+static bool joined(const graph* graph, uint32_t lane, uint32_t* next)
 {
+    const verge_road_def* def = graph->def;
     const verge_lane_def* from = &def->lanes[lane];
     if (from->successor_count != 1) {
         return false;
     }
-    const int32_t next = index_of(def, from->successors[0]);
-    if (next < 0 || predecessors[next] != (uint64_t)1 << lane || (uint32_t)next == lane) {
+    const int32_t to = vg_lanes_find(def, graph->by_id, from->successors[0]);
+    if (to < 0 || graph->led_by[to] != (int32_t)lane || (uint32_t)to == lane) {
         return false;
     }
+    *next = (uint32_t)to;
     const double* a = from->points[from->point_count - 1];
-    const double* b = def->lanes[next].points[0];
+    const double* b = def->lanes[to].points[0];
     return vg_square(a[0] - b[0]) + vg_square(a[1] - b[1]) < joint_gap * joint_gap;
-}
-
-static int32_t index_of(const verge_road_def* def, int32_t id)
-{
-    for (uint32_t i = 0; i < def->lane_count; ++i) {
-        if (def->lanes[i].id == id) {
-            return (int32_t)i;
-        }
-    }
-    return -1;
 }
 
 // ------------------------------------------------------------------------------ (1) vertices
@@ -282,13 +298,12 @@ static int32_t index_of(const verge_road_def* def, int32_t id)
 static void vertices_collect(fit* self)
 {
     const verge_road_def* def = self->draft->def;
-    const chain* chain = self->chain;
-    self->origin_x = def->lanes[chain->lanes[0]].points[0][0];
-    self->origin_y = def->lanes[chain->lanes[0]].points[0][1];
+    self->origin_x = def->lanes[self->lanes[0]].points[0][0];
+    self->origin_y = def->lanes[self->lanes[0]].points[0][1];
 
     context_before(self);
-    for (uint32_t k = 0; k < chain->lane_count; ++k) {
-        const verge_lane_def* lane = &def->lanes[chain->lanes[k]];
+    for (uint32_t k = 0; k < self->lane_count; ++k) {
+        const verge_lane_def* lane = &def->lanes[self->lanes[k]];
         uint32_t first = 0;
         vertex* last = self->vertex_count > 0 ? &self->vertices[self->vertex_count - 1] : NULL;
         if (k > 0) { // the joint is one point: the middle of the two ends
@@ -299,10 +314,14 @@ static void vertices_collect(fit* self)
         } else if (last != NULL && last->seam == 0) {
             first = 1; // a fitted lane before us gives the seam
         }
-        for (uint32_t i = first; i < lane->point_count; ++i) {
-            const int32_t seam = i == 0 ? (int32_t)k
-                                        : i + 1 == lane->point_count ? (int32_t)k + 1 : -1;
-            vertex_add(self, lane->points[i][0], lane->points[i][1], 1.0, seam);
+        double point[2];
+        vg_survey survey = vg_survey_from(lane, false);
+        for (uint32_t i = 0; vg_survey_next(&survey, point); ++i) {
+            const bool is_last = survey.next == lane->point_count;
+            const int32_t seam = i == 0 ? (int32_t)k : is_last ? (int32_t)k + 1 : -1;
+            if (i >= first) {
+                vertex_add(self, point[0], point[1], 1.0, seam);
+            }
         }
     }
     context_after(self);
@@ -335,10 +354,10 @@ static void vertex_add(fit* self, double x, double y, double weight, int32_t sea
 static bool end_stretch(const verge_lane_def* lane, bool last, uint32_t skip, double* x, double* y,
                         double* length)
 {
-    const uint32_t n = lane->point_count;
-    const double* from = lane->points[last ? n - 1 : 0];
-    for (uint32_t i = 1; i < n; ++i) {
-        const double* to = lane->points[last ? n - 1 - i : i];
+    double from[2], to[2];
+    vg_survey survey = vg_survey_from(lane, last);
+    (void)vg_survey_next(&survey, from);
+    while (vg_survey_next(&survey, to)) {
         const double dx = last ? from[0] - to[0] : to[0] - from[0];
         const double dy = last ? from[1] - to[1] : to[1] - from[1];
         *length = vg_sqrt(dx * dx + dy * dy);
@@ -350,7 +369,8 @@ static bool end_stretch(const verge_lane_def* lane, bool last, uint32_t skip, do
             *y = dy / *length;
             return true;
         }
-        from = to;
+        from[0] = to[0];
+        from[1] = to[1];
     }
     return false;
 }
@@ -375,20 +395,22 @@ static void end_direction(const verge_lane_def* lane, bool last, double* x, doub
     *y = 2.0 * along * ay - ty / norm;
 }
 
-/// Of the lanes in `candidates` the one whose direction at the joint fits best, -1 none. A fitted
-/// lane is preferred: it will not give way.
-static int32_t best_joint(const verge_road_def* def, uint32_t lane, uint64_t candidates,
-                          uint64_t fitted, bool before)
+/// Of the lanes before (or behind) `lane` the one whose direction at the joint fits best, -1 none;
+/// of equal ones the first by index. A fitted lane is preferred: it will not give way.
+static int32_t best_joint(const fit* self, uint32_t lane, bool before)
 {
+    const verge_road_def* def = self->draft->def;
+    const struct verge_road* road = self->draft->road;
+    const uint32_t count = before ? vg_lane_predecessor_count(road, lane)
+                                  : road->lanes[lane].successor_count;
     double x, y;
     end_direction(&def->lanes[lane], !before, &x, &y);
     int32_t best = -1;
     double best_fitness = -2.0;
-    for (uint32_t i = 0; i < def->lane_count; ++i) {
+    for (uint32_t k = 0; k < count; ++k) {
+        const int32_t i = before ? vg_lane_predecessor(road, lane, k)
+                                 : road->lanes[lane].successors[k];
         double ox, oy;
-        if ((candidates >> i & 1u) == 0) {
-            continue;
-        }
         const verge_lane_def* other = &def->lanes[i];
         const verge_lane_def* first = before ? other : &def->lanes[lane];
         const verge_lane_def* second = before ? &def->lanes[lane] : other;
@@ -398,23 +420,62 @@ static int32_t best_joint(const verge_road_def* def, uint32_t lane, uint64_t can
                           < context_gap * context_gap;
         end_direction(other, before, &ox, &oy);
         const double cosine = x * ox + y * oy;
-        const double fitness = cosine + ((fitted >> i & 1u) != 0 ? 0.2 : 0.0);
+        const double fitness = cosine + (self->fitted[i] ? 0.2 : 0.0);
         // More than 60 degrees is a corner, not a context.
-        if (near && cosine > 0.5 && fitness > best_fitness) {
-            best = (int32_t)i;
+        if (near && cosine > 0.5
+            && (fitness > best_fitness || (fitness == best_fitness && i < best))) {
+            best = i;
             best_fitness = fitness;
         }
     }
     return best;
 }
 
-static uint64_t successors_of(const verge_road_def* def, uint32_t lane)
+/// Points of a lane from the joint on, away from the chain: its line every two metres where it is
+/// fitted, else its survey.
+typedef struct context_lane {
+    const vg_lane* line; ///< null: survey
+    bool      before;
+    uint32_t  next, count;
+    vg_survey survey;
+} context_lane;
+
+static bool context_next(context_lane* self, double point[2])
 {
-    uint64_t set = 0;
-    for (uint32_t k = 0; k < def->lanes[lane].successor_count; ++k) {
-        set |= (uint64_t)1 << index_of(def, def->lanes[lane].successors[k]);
+    if (self->line == NULL) {
+        return vg_survey_next(&self->survey, point);
     }
-    return set;
+    if (self->next == self->count) {
+        return false;
+    }
+    const double length = self->line->length;
+    const double s = length * (double)self->next++ / (double)(self->count - 1);
+    const vg_reference at = vg_lane_at(self->line, self->before ? length - s : s);
+    point[0] = at.x;
+    point[1] = at.y;
+    return true;
+}
+
+/// Adds the points of one lane to the context; false: it is long enough.
+static bool context_add(context_lane* lane, double (*points)[3], uint32_t* count, double* way)
+{
+    double p[2];
+    while (*count < CONTEXT_VERTICES && *way < context_length && context_next(lane, p)) {
+        if (*count > 0) { // cut where the context is long enough
+            const double* last = points[*count - 1];
+            const double dx = p[0] - last[0], dy = p[1] - last[1];
+            const double leg = vg_sqrt(dx * dx + dy * dy);
+            if (*way + leg > context_length) {
+                p[0] = last[0] + dx * (context_length - *way) / leg;
+                p[1] = last[1] + dy * (context_length - *way) / leg;
+            }
+            *way += leg;
+        }
+        points[*count][0] = p[0];
+        points[*count][1] = p[1];
+        points[(*count)++][2] = lane->line != NULL ? fitted_weight : 1.0;
+    }
+    return *count < CONTEXT_VERTICES && *way < context_length;
 }
 
 /// The line or survey of the lanes beyond the chain's end, walked away from it: fills points and
@@ -422,52 +483,23 @@ static uint64_t successors_of(const verge_road_def* def, uint32_t lane)
 static uint32_t context_walk(const fit* self, bool before, double (*points)[3], bool* held)
 {
     const verge_road_def* def = self->draft->def;
-    uint32_t lane = self->chain->lanes[before ? 0 : self->chain->lane_count - 1];
+    uint32_t lane = self->lanes[before ? 0 : self->lane_count - 1];
     uint32_t count = 0;
     double way = 0.0;
+    bool more = true;
     *held = false;
-    for (uint32_t step = 0; step < VERGE_LANES_MAX && way < context_length; ++step) {
-        const uint64_t candidates = before ? self->draft->predecessors[lane]
-                                           : successors_of(def, lane);
-        const int32_t next = best_joint(def, lane, candidates, self->fitted, before);
+    for (uint32_t step = 0; more && step < CONTEXT_VERTICES; ++step) { // small rings more than once
+        const int32_t next = best_joint(self, lane, before);
         if (next < 0) {
             break;
         }
         lane = (uint32_t)next;
-        const bool fitted = (self->fitted >> lane & 1u) != 0;
-        *held = *held || (fitted && step == 0);
-        const vg_lane* line = &self->draft->road->lanes[lane];
-        const verge_lane_def* survey = &def->lanes[lane];
-        const uint32_t n = fitted ? (uint32_t)(0.5 * line->length) + 2 : survey->point_count;
-        for (uint32_t i = 0; i < n && count < CONTEXT_VERTICES && way < context_length; ++i) {
-            double x, y;
-            if (fitted) {
-                const double s = line->length * (double)i / (double)(n - 1);
-                const vg_reference at = vg_lane_at(line, before ? line->length - s : s);
-                x = at.x;
-                y = at.y;
-            } else {
-                const double* p = survey->points[before ? n - 1 - i : i];
-                x = p[0];
-                y = p[1];
-            }
-            if (count > 0) { // cut where the context is long enough
-                const double dx = x - points[count - 1][0];
-                const double dy = y - points[count - 1][1];
-                const double leg = vg_sqrt(dx * dx + dy * dy);
-                if (way + leg > context_length) {
-                    x = points[count - 1][0] + dx * (context_length - way) / leg;
-                    y = points[count - 1][1] + dy * (context_length - way) / leg;
-                }
-                way += leg;
-            }
-            points[count][0] = x;
-            points[count][1] = y;
-            points[count++][2] = fitted ? fitted_weight : 1.0;
-        }
-        if (count == CONTEXT_VERTICES) {
-            break;
-        }
+        const vg_lane* line = self->fitted[lane] ? &self->draft->road->lanes[lane] : NULL;
+        *held = *held || (line != NULL && step == 0);
+        context_lane from = { .line = line, .before = before,
+                              .count = line != NULL ? (uint32_t)(0.5 * line->length) + 2 : 0,
+                              .survey = vg_survey_from(&def->lanes[lane], before) };
+        more = context_add(&from, points, &count, &way);
     }
     return count;
 }
@@ -488,7 +520,7 @@ static void context_after(fit* self)
     double points[CONTEXT_VERTICES][3];
     bool held;
     const uint32_t count = context_walk(self, false, points, &held);
-    const int32_t end = (int32_t)self->chain->lane_count;
+    const int32_t end = (int32_t)self->lane_count;
     if (held && self->vertex_count > 1) {
         self->vertex_count--; // the fitted seam takes the place of our own last point
     }
@@ -658,7 +690,7 @@ static void samples_take(fit* self)
                                    (double)(self->sample_capacity - 2));
     self->sample_count = (uint32_t)wanted + 2;
     self->spacing = total / (double)(self->sample_count - 1);
-    for (uint32_t k = 0; k <= self->chain->lane_count; ++k) {
+    for (uint32_t k = 0; k <= self->lane_count; ++k) {
         self->seams[k] /= self->spacing;
     }
 
@@ -682,7 +714,7 @@ static void samples_take(fit* self)
 /// More slack towards those ends of the chain where a fitted neighbour holds the line.
 static void samples_slacken(fit* self)
 {
-    const double ends[2] = { self->seams[0], self->seams[self->chain->lane_count] };
+    const double ends[2] = { self->seams[0], self->seams[self->lane_count] };
     const bool held[2] = { self->vertices[0].weight > 1.0,
                            self->vertices[self->vertex_count - 1].weight > 1.0 };
     for (uint32_t i = 0; i < self->sample_count; ++i) {
@@ -893,9 +925,8 @@ static void point_at_arc(const fit* self, double s, uint32_t* hint, double point
 /// collected in the samples (whose job is done), then moved to where the solver wants them.
 static void knots_place(fit* self)
 {
-    const chain* chain = self->chain;
     const double first = arc_at(self, self->seams[0]);
-    const double last = arc_at(self, self->seams[chain->lane_count]);
+    const double last = arc_at(self, self->seams[self->lane_count]);
     const double before = vg_clamp(first, 0.0, (double)CONTEXT_KNOTS);
     const double total = self->arc[self->sample_count - 1];
     const double behind = vg_clamp(total - last, 0.0, (double)CONTEXT_KNOTS);
@@ -907,8 +938,8 @@ static void knots_place(fit* self)
     if (lead > 0) {
         n = knots_add(self, n, first - before, before / (double)lead, lead, &hint);
     }
-    for (uint32_t k = 0; k < chain->lane_count; ++k) {
-        vg_lane* lane = &self->draft->road->lanes[chain->lanes[k]];
+    for (uint32_t k = 0; k < self->lane_count; ++k) {
+        vg_lane* lane = &self->draft->road->lanes[self->lanes[k]];
         const double start = arc_at(self, self->seams[k]);
         lane->length = vg_max(arc_at(self, self->seams[k + 1]) - start, 0.01);
         lane->line.knot_spacing = lane->length / (double)(lane->line.knot_count - 1);
@@ -945,9 +976,9 @@ static uint32_t knots_add(fit* self, uint32_t n, double s, double h, uint32_t co
 
 static void lanes_store(fit* self, uint32_t knot)
 {
-    for (uint32_t k = 0; k < self->chain->lane_count; ++k) {
-        const uint32_t index = self->chain->lanes[k];
-        const vg_lane* lane = &self->draft->road->lanes[index];
+    for (uint32_t k = 0; k < self->lane_count; ++k) {
+        const uint32_t index = self->lanes[k];
+        vg_lane* lane = &self->draft->road->lanes[index];
         const vg_lane_storage* storage = &self->draft->storage[index];
         for (uint32_t i = 0; i < lane->line.knot_count; ++i) {
             storage->x[i] = self->origin_x + self->x[knot + i];
@@ -956,5 +987,20 @@ static void lanes_store(fit* self, uint32_t knot)
             storage->yss[i] = self->yss[knot + i];
         }
         knot += lane->line.knot_count - 1; // the last knot is the next lane's first
+        lane->deviation = deviation_of(lane, &self->draft->def->lanes[index]);
     }
+}
+
+/// [m] from the line to the surveyed point that is furthest from it. The points come in order, so
+/// each is looked for near the one before.
+static double deviation_of(const vg_lane* lane, const verge_lane_def* survey)
+{
+    double furthest = 0.0, s = 0.0;
+    for (uint32_t i = 0; i < survey->point_count; ++i) {
+        const double* p = survey->points[i];
+        s = vg_clamp(vg_lane_project(lane, p[0], p[1], s), 0.0, lane->length);
+        const vg_reference at = vg_lane_at(lane, s);
+        furthest = vg_max(furthest, vg_square(at.x - p[0]) + vg_square(at.y - p[1]));
+    }
+    return vg_sqrt(furthest);
 }

@@ -36,7 +36,7 @@ void vg_road_relate(vg_road_draft* draft)
 {
     struct verge_road* road = draft->road;
     const uint32_t n = road->lane_count;
-    vg_arena_empty(draft->scratch);
+    draft->scratch->used = draft->scratch_start;
     reach* table = vg_arena_take(draft->scratch, (size_t)n * n * sizeof *table);
     double* ring = vg_arena_take(draft->scratch, n * sizeof *ring);
     if (table == NULL || ring == NULL) {

@@ -1,6 +1,6 @@
 /// Building a road stage by stage, and asking it questions. What is difficult is elsewhere:
-/// fitting in road_fit.c, stations in road_bundle.c, relations in road_relate.c, routes in
-/// road_route.c, conflicts in road_conflict.c.
+/// fitting in fit.c, stations in bundle.c, relations in relate.c, routes in
+/// route.c, conflicts in conflict.c.
 #include "road/road.h"
 
 #include "base/contract.h"
@@ -12,6 +12,7 @@ static const double edge_reach = 2.0;
 
 static void take_memory(vg_road_draft* draft, vg_arena* arena);
 static void copy_lanes(vg_road_draft* draft);
+static void find_predecessors(struct verge_road* road);
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id);
 static verge_lane_position position_on(const vg_lane* lane, double x, double y);
 /// Whether `at` on `lane` is a better place for a body than the best so far, and how good it is.
@@ -23,11 +24,17 @@ struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge
     VERGE_ASSERT(def->lane_count >= 1 && def->lane_count <= VERGE_LANES_MAX);
 
     vg_road_draft draft = { .def = def, .scratch = scratch };
+    if (arena->base != NULL) {
+        vg_arena_empty(scratch);
+        draft.storage = vg_arena_take(scratch, def->lane_count * sizeof *draft.storage);
+        draft.scratch_start = scratch->used;
+    }
     take_memory(&draft, arena);
-    if (arena->base == NULL || arena->failed) {
+    if (arena->base == NULL || arena->failed || draft.storage == NULL) {
         return NULL;
     }
     copy_lanes(&draft);
+    find_predecessors(draft.road);
     vg_road_fit(&draft);
     vg_road_bundle(&draft);
     vg_road_relate(&draft);
@@ -40,17 +47,25 @@ size_t vg_road_scratch_size(const verge_road_def* def)
 {
     const size_t fit = vg_road_fit_scratch_size(def);
     const size_t relate = vg_road_relate_scratch_size(def);
-    return fit > relate ? fit : relate;
+    const size_t bundle = vg_road_bundle_scratch_size(def);
+    const size_t larger = fit > relate ? fit : relate;
+    const size_t stages = larger > bundle ? larger : bundle;
+    return stages + def->lane_count * sizeof(vg_lane_storage) + VG_ARENA_ALIGN;
 }
 
 int32_t vg_road_lane_index(const struct verge_road* road, int32_t lane_id)
 {
-    for (uint32_t i = 0; i < road->lane_count; ++i) {
-        if (road->lanes[i].id == lane_id) {
-            return (int32_t)i;
+    uint32_t low = 0, high = road->lane_count;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (road->lanes[road->by_id[middle]].id < lane_id) {
+            low = middle + 1;
+        } else {
+            high = middle;
         }
     }
-    return -1;
+    const bool found = low < road->lane_count && road->lanes[road->by_id[low]].id == lane_id;
+    return found ? (int32_t)road->by_id[low] : -1;
 }
 
 verge_lane_position verge_road_project(const verge_road* road, double x, double y, double heading,
@@ -110,6 +125,12 @@ double verge_road_width(const verge_road* road, int32_t lane_id)
     return lane != NULL ? lane->width : 0.0;
 }
 
+double verge_road_deviation(const verge_road* road, int32_t lane_id)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane != NULL ? lane->deviation : 0.0;
+}
+
 double verge_road_speed_limit(const verge_road* road, int32_t lane_id)
 {
     const vg_lane* lane = lane_of(road, lane_id);
@@ -139,19 +160,14 @@ int32_t vg_lane_before(const struct verge_road* road, uint32_t lane)
     const vg_reference at = vg_lane_at(&road->lanes[lane], 0.0);
     int32_t best = -1;
     double best_cosine = -2.0;
-    for (uint32_t i = 0; i < road->lane_count; ++i) {
-        const vg_lane* other = &road->lanes[i];
-        for (uint32_t k = 0; k < other->successor_count; ++k) {
-            if (other->successors[k] != (int32_t)lane) {
-                continue;
-            }
-            const vg_reference end = vg_lane_at(other, other->length);
-            const double cosine = at.cos_heading * end.cos_heading
-                                  + at.sin_heading * end.sin_heading;
-            if (cosine > best_cosine) {
-                best = (int32_t)i;
-                best_cosine = cosine;
-            }
+    for (uint32_t k = 0; k < vg_lane_predecessor_count(road, lane); ++k) {
+        const int32_t before = vg_lane_predecessor(road, lane, k);
+        const vg_lane* other = &road->lanes[before];
+        const vg_reference end = vg_lane_at(other, other->length);
+        const double cosine = at.cos_heading * end.cos_heading + at.sin_heading * end.sin_heading;
+        if (cosine > best_cosine) {
+            best = before;
+            best_cosine = cosine;
         }
     }
     return best;
@@ -186,67 +202,118 @@ double vg_lane_s(const vg_lane* lane, double station)
     return s0 + (bins - (double)bin) * (s1 - s0);
 }
 
+/// The arrays of one lane, its line in one piece.
+static void take_lane(vg_lane_storage* storage, vg_arena* arena, const verge_lane_def* def)
+{
+    const size_t knots = vg_lane_knot_count(def);
+    const uint32_t bins = vg_lane_bin_capacity(def);
+    double* line = vg_arena_take(arena, 4 * knots * sizeof *line);
+    vg_bin* of_lane = vg_arena_take(arena, bins * sizeof *of_lane);
+    if (line != NULL && of_lane != NULL) {
+        *storage = (vg_lane_storage){ .x = line, .y = line + knots, .xss = line + 2 * knots,
+                                      .yss = line + 3 * knots, .bins = of_lane,
+                                      .bin_capacity = bins };
+    }
+}
+
+static uint32_t successor_total(const verge_road_def* def)
+{
+    uint32_t total = 0;
+    for (uint32_t i = 0; i < def->lane_count; ++i) {
+        total += def->lanes[i].successor_count;
+    }
+    return total;
+}
+
 /// The same takes in the same order whether the arena measures or not.
 static void take_memory(vg_road_draft* draft, vg_arena* arena)
 {
     const verge_road_def* def = draft->def;
     const size_t n = def->lane_count;
     struct verge_road* road = vg_arena_take(arena, sizeof *road);
-    vg_lane* lanes = vg_arena_take(arena, n * sizeof *lanes);
-    vg_relation* relations = vg_arena_take(arena, n * n * sizeof *relations);
-    uint64_t* on_route = vg_arena_take(arena, n * (n + 1) * sizeof *on_route);
-    uint8_t* changes = vg_arena_take(arena, n * n * sizeof *changes);
-    int8_t* move = vg_arena_take(arena, n * n * sizeof *move);
-    int32_t* next = vg_arena_take(arena, n * (n + 1) * sizeof *next);
-    uint64_t* continues = vg_arena_take(arena, n * sizeof *continues);
-    vg_conflict* conflicts = vg_arena_take(arena, VERGE_CONFLICTS_MAX * sizeof *conflicts);
+    const struct verge_road of = {
+        .lane_count = def->lane_count,
+        .lanes = vg_arena_take(arena, n * sizeof *of.lanes),
+        .by_id = vg_arena_take(arena, n * sizeof *of.by_id),
+        .predecessors_from = vg_arena_take(arena, (n + 1) * sizeof *of.predecessors_from),
+        .predecessors = vg_arena_take(arena, successor_total(def) * sizeof *of.predecessors),
+        .relations = vg_arena_take(arena, n * n * sizeof *of.relations),
+        .on_route = vg_arena_take(arena, n * (n + 1) * sizeof *of.on_route),
+        .changes = vg_arena_take(arena, n * n * sizeof *of.changes),
+        .move = vg_arena_take(arena, n * n * sizeof *of.move),
+        .next = vg_arena_take(arena, n * (n + 1) * sizeof *of.next),
+        .continues = vg_arena_take(arena, n * sizeof *of.continues),
+        .conflicts = vg_arena_take(arena, VERGE_CONFLICTS_MAX * sizeof *of.conflicts),
+    };
     for (size_t i = 0; i < n; ++i) {
-        const size_t knots = vg_lane_knot_count(&def->lanes[i]) * sizeof(double);
-        vg_lane_storage* storage = &draft->storage[i];
-        storage->x = vg_arena_take(arena, knots);
-        storage->y = vg_arena_take(arena, knots);
-        storage->xss = vg_arena_take(arena, knots);
-        storage->yss = vg_arena_take(arena, knots);
-        storage->bin_capacity = vg_lane_bin_capacity(&def->lanes[i]);
-        storage->bins = vg_arena_take(arena, storage->bin_capacity * sizeof(vg_bin));
+        vg_lane_storage ignored;
+        take_lane(draft->storage != NULL ? &draft->storage[i] : &ignored, arena, &def->lanes[i]);
     }
     if (arena->base == NULL || arena->failed) {
         return;
     }
-    *road = (struct verge_road){ .lane_count = def->lane_count, .lanes = lanes,
-                                 .relations = relations, .on_route = on_route, .changes = changes,
-                                 .move = move, .next = next, .continues = continues,
-                                 .conflicts = conflicts };
+    *road = of;
     draft->road = road;
+}
+
+static void copy_lane(vg_road_draft* draft, uint32_t index)
+{
+    struct verge_road* road = draft->road;
+    const verge_lane_def* def = &draft->def->lanes[index];
+    const vg_lane_storage* storage = &draft->storage[index];
+    vg_lane* lane = &road->lanes[index];
+    lane->width = def->width;
+    lane->speed_limit = def->speed_limit;
+    lane->line.knot_count = vg_lane_knot_count(def);
+    lane->line.x = storage->x;
+    lane->line.y = storage->y;
+    lane->line.xss = storage->xss;
+    lane->line.yss = storage->yss;
+    lane->bins = storage->bins;
+    lane->left = def->left == VERGE_NO_LANE ? -1 : vg_road_lane_index(road, def->left);
+    lane->right = def->right == VERGE_NO_LANE ? -1 : vg_road_lane_index(road, def->right);
+    lane->successor_count = def->successor_count;
+    for (uint32_t k = 0; k < def->successor_count; ++k) {
+        lane->successors[k] = vg_road_lane_index(road, def->successors[k]);
+        VERGE_ASSERT(lane->successors[k] >= 0);
+    }
 }
 
 static void copy_lanes(vg_road_draft* draft)
 {
     struct verge_road* road = draft->road;
+    vg_lanes_sort(draft->def, road->by_id);
     for (uint32_t i = 0; i < road->lane_count; ++i) {
-        road->lanes[i].id = draft->def->lanes[i].id; // first: the links below are found by id
+        road->lanes[i].id = draft->def->lanes[i].id; // first: links are found by id
     }
     for (uint32_t i = 0; i < road->lane_count; ++i) {
-        const verge_lane_def* def = &draft->def->lanes[i];
-        const vg_lane_storage* storage = &draft->storage[i];
-        vg_lane* lane = &road->lanes[i];
-        lane->width = def->width;
-        lane->speed_limit = def->speed_limit;
-        lane->line.knot_count = vg_lane_knot_count(def);
-        lane->line.x = storage->x;
-        lane->line.y = storage->y;
-        lane->line.xss = storage->xss;
-        lane->line.yss = storage->yss;
-        lane->bins = storage->bins;
-        lane->left = def->left == VERGE_NO_LANE ? -1 : vg_road_lane_index(road, def->left);
-        lane->right = def->right == VERGE_NO_LANE ? -1 : vg_road_lane_index(road, def->right);
-        lane->successor_count = def->successor_count;
-        for (uint32_t k = 0; k < def->successor_count; ++k) {
-            lane->successors[k] = vg_road_lane_index(road, def->successors[k]);
-            VERGE_ASSERT(lane->successors[k] >= 0);
-            draft->predecessors[lane->successors[k]] |= (uint64_t)1 << i;
+        copy_lane(draft, i);
+    }
+}
+
+/// Counts what leads to each lane, then writes it down in the order of the lanes.
+static void find_predecessors(struct verge_road* road)
+{
+    uint32_t* from = road->predecessors_from; // [i + 1]: count, then end, then begin of part i
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        for (uint32_t k = 0; k < road->lanes[i].successor_count; ++k) {
+            ++from[road->lanes[i].successors[k] + 1];
         }
     }
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        from[i + 1] += from[i];
+    }
+    const uint32_t total = from[road->lane_count];
+    for (uint32_t i = road->lane_count; i-- > 0;) { // each part is filled from its end
+        const vg_lane* lane = &road->lanes[i];
+        for (uint32_t k = 0; k < lane->successor_count; ++k) {
+            road->predecessors[--from[lane->successors[k] + 1]] = (uint16_t)i;
+        }
+    }
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        from[i] = from[i + 1];
+    }
+    from[road->lane_count] = total;
 }
 
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id)

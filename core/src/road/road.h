@@ -36,6 +36,7 @@ typedef struct vg_lane {
     int32_t  id;
     double   width, speed_limit;   ///< [m], [m/s]
     double   length;               ///< [m] of the reference line
+    double   deviation;            ///< [m] of the surveyed point furthest from the line
     vg_line  line;                 ///< reference line, s = 0 at its first knot
     int32_t  left, right;          ///< lane index, -1 none
     int32_t  successors[VERGE_SUCCESSORS_MAX];
@@ -83,6 +84,9 @@ typedef struct vg_conflict {
 struct verge_road {
     uint32_t lane_count;
     vg_lane* lanes;
+    uint16_t* by_id;               ///< [lane_count] lane indices in the order of their ids
+    uint32_t* predecessors_from;   ///< [lane_count + 1] a lane's part of predecessors begins here
+    uint16_t* predecessors;        ///< lane indices, ascending within each part
     vg_relation* relations;        ///< [lane_count][lane_count]
     uint64_t* on_route;            ///< [lane][target + 1]: lanes (bits) that a vehicle on `lane` that
                                    ///< wants to `target` (index, -1 none) has to look at as leaders
@@ -108,6 +112,16 @@ struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge
 size_t vg_road_scratch_size(const verge_road_def* def);
 
 int32_t vg_road_lane_index(const struct verge_road* road, int32_t lane_id); ///< -1 unknown
+
+static inline uint32_t vg_lane_predecessor_count(const struct verge_road* road, uint32_t lane)
+{
+    return road->predecessors_from[lane + 1] - road->predecessors_from[lane];
+}
+/// The k-th lane that `lane` continues.
+static inline int32_t vg_lane_predecessor(const struct verge_road* road, uint32_t lane, uint32_t k)
+{
+    return road->predecessors[road->predecessors_from[lane] + k];
+}
 
 /// The lane before `lane` whose end fits its start best, -1 none.
 int32_t vg_lane_before(const struct verge_road* road, uint32_t lane);
@@ -192,6 +206,12 @@ static inline vg_reference vg_lane_at(const vg_lane* lane, double s) ///< straig
 static inline double vg_lane_project(const vg_lane* lane, double x, double y, double s_guess)
 {
     return vg_line_project(&lane->line, x, y, s_guess);
+}
+
+/// Over the whole lane, as with s_guess NaN; faster the nearer the hint.
+static inline double vg_lane_project_whole(const vg_lane* lane, double x, double y, double s_hint)
+{
+    return vg_line_project_whole(&lane->line, x, y, s_hint);
 }
 
 /// Station <-> arc length of one lane; linear beyond the ends.

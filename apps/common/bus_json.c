@@ -2,53 +2,104 @@
 
 #include "number.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
-/// The paths of transport_dds_security by name.
-typedef struct path_entry {
-    const char* key;
-    size_t      offset;
-} path_entry;
+enum { NAME_SIZE = 64, KEYS_MAX = 32 };
 
-static const path_entry SECURITY[] = {
-    { "identity_ca", offsetof(transport_dds_security, identity_ca) },
-    { "certificate", offsetof(transport_dds_security, certificate) },
-    { "key", offsetof(transport_dds_security, key) },
-    { "permissions_ca", offsetof(transport_dds_security, permissions_ca) },
-    { "governance", offsetof(transport_dds_security, governance) },
-    { "permissions", offsetof(transport_dds_security, permissions) },
-};
-enum { SECURITY_COUNT = sizeof SECURITY / sizeof SECURITY[0] };
+/// A row of the tables, its name taken apart: "BUS.KEY" or "BUS.KEY.MEMBER".
+typedef struct setting_row {
+    const transport_setting_def* def; ///< null behind the last one
+    char                         bus[NAME_SIZE];
+    char                         key[NAME_SIZE];
+    const char*                  member; ///< empty: none
+} setting_row;
 
-static bool read_dds(bus_options* self, const json_at* dds);
-static bool read_lcm(bus_options* self, const json_at* lcm);
-static bool read_keys(bus_options* self, const json_at* at);
+static setting_row row_at(uint32_t index);
+static bool read_bus(bus_options* self, const json_at* of, uint32_t first);
+static bool read_key(bus_options* self, const json_at* bus, uint32_t index);
+static bool read_list(bus_options* self, const json_at* at, uint32_t index);
+static bool read_one(bus_options* self, const json_at* at, uint32_t index);
+static bool read_value(bus_options* self, const json_at* at, const transport_setting_def* def);
+static bool add(bus_options* self, const json_at* at, const char* name, char* value);
 static void sum_up_files(bus_options* self);
-static bool read_names(const json_at* at, const char** names, uint32_t max, uint32_t* count);
-static bool read_security(bus_options* self, const json_at* at);
+static void write_bus(FILE* out, const bus_options* self, uint32_t first);
+static void write_key(FILE* out, const bus_options* self, uint32_t index);
 
-static const char** security_path(transport_dds_security* security, uint32_t i)
+static setting_row row_at(uint32_t index)
 {
-    return (const char**)(void*)((char*)security + SECURITY[i].offset);
+    setting_row row = { .def = transport_setting_at(index), .member = "" };
+    if (row.def != NULL) {
+        const char* key = strchr(row.def->name, '.') + 1;
+        const char* end = key + strcspn(key, ".");
+        snprintf(row.bus, sizeof row.bus, "%.*s", (int)(key - 1 - row.def->name), row.def->name);
+        snprintf(row.key, sizeof row.key, "%.*s", (int)(end - key), key);
+        row.member = *end == '.' ? end + 1 : end;
+    }
+    return row;
 }
 
-static const char* security_path_of(const bus_options* self, uint32_t i)
+static bool is_of_bus(uint32_t index, const char* bus)
 {
-    return *(const char* const*)(const void*)((const char*)&self->security + SECURITY[i].offset);
+    const setting_row row = row_at(index);
+    return row.def != NULL && strcmp(row.bus, bus) == 0;
 }
+
+static bool is_member_of(uint32_t index, const setting_row* group)
+{
+    const setting_row row = row_at(index);
+    return row.def != NULL && strcmp(row.bus, group->bus) == 0 &&
+           strcmp(row.key, group->key) == 0 && row.member[0] != '\0';
+}
+
+/// Names for json_expect_object().
+typedef struct key_list {
+    char        names[KEYS_MAX][NAME_SIZE];
+    const char* keys[KEYS_MAX + 1]; ///< ends with null
+    uint32_t    count;
+} key_list;
+
+/// Rows of one name stand together, so the last one tells whether it is there.
+static void key_list_add(key_list* self, const char* name)
+{
+    if (self->count == 0 || strcmp(self->keys[self->count - 1], name) != 0) {
+        assert(self->count < KEYS_MAX);
+        snprintf(self->names[self->count], NAME_SIZE, "%s", name);
+        self->keys[self->count] = self->names[self->count];
+        self->keys[++self->count] = NULL;
+    }
+}
+
+void bus_options_keys(const char** keys, uint32_t max)
+{
+    static key_list names;
+    names.count = 0;
+    for (uint32_t i = 0; row_at(i).def != NULL; ++i) {
+        key_list_add(&names, row_at(i).bus);
+    }
+    uint32_t used = 0;
+    while (keys[used] != NULL) {
+        ++used;
+    }
+    assert(used + names.count <= max);
+    for (uint32_t i = 0; i < names.count && used < max; ++i) {
+        keys[used++] = names.names[i];
+    }
+    keys[used] = NULL;
+}
+
+// ---- reading ------------------------------------------------------------------------------
 
 bool bus_options_read(bus_options* self, const json_at* of)
 {
     memset(self, 0, sizeof *self);
-    self->transport.dds_interfaces = self->interfaces;
-    self->transport.dds_peers = self->peers;
-    const json_at dds = json_member(of, "dds");
-    const json_at lcm = json_member(of, "lcm");
-    if ((json_given(&dds) && !read_dds(self, &dds)) ||
-        (json_given(&lcm) && !read_lcm(self, &lcm))) {
-        return false;
+    for (uint32_t i = 0; row_at(i).def != NULL; ++i) {
+        const bool first = i == 0 || strcmp(row_at(i - 1).bus, row_at(i).bus) != 0;
+        if (first && !read_bus(self, of, i)) {
+            return false;
+        }
     }
     sum_up_files(self);
     return true;
@@ -56,161 +107,147 @@ bool bus_options_read(bus_options* self, const json_at* of)
 
 bool bus_options_load(bus_options* self, const char* path, json_file* file)
 {
-    static const char* const KEYS[] = { "dds", "lcm", NULL };
+    const char* keys[KEYS_MAX + 1] = { NULL };
+    bus_options_keys(keys, KEYS_MAX);
     memset(self, 0, sizeof *self);
     if (!json_file_load(file, path)) {
         return false;
     }
     const json_at root = json_root(file);
-    const bool good = json_expect_object(&root, KEYS) && bus_options_read(self, &root);
+    const bool good = json_expect_object(&root, keys) && bus_options_read(self, &root);
     json_file_free(file);
     return good;
 }
 
 void bus_options_free(bus_options* self)
 {
-    for (uint32_t i = 0; i < self->transport.dds_interface_count; i++) {
-        free((void*)(uintptr_t)self->interfaces[i]);
+    for (uint32_t i = 0; i < self->transport.setting_count; ++i) {
+        free((void*)(uintptr_t)self->settings[i].value);
     }
-    for (uint32_t i = 0; i < self->transport.dds_peer_count; i++) {
-        free((void*)(uintptr_t)self->peers[i]);
-    }
-    for (uint32_t i = 0; i < SECURITY_COUNT; i++) {
-        free((void*)(uintptr_t)security_path_of(self, i));
-    }
-    for (uint32_t i = 0; i < self->lcm.allow_count; i++) {
-        free((void*)(uintptr_t)self->networks[i]);
-    }
-    for (uint32_t i = 0; i < self->lcm.key_count; i++) {
-        free((void*)(uintptr_t)self->lcm_keys[i].file);
-    }
+    free(self->settings);
     memset(self, 0, sizeof *self);
 }
 
-static bool read_dds(bus_options* self, const json_at* dds)
+static bool read_bus(bus_options* self, const json_at* of, uint32_t first)
 {
-    static const char* const KEYS[] = { "interfaces", "peers", "deadline_ms", "security", NULL };
-    if (!json_expect_object(dds, KEYS)) {
-        return false;
-    }
-    self->transport.dds_deadline_ms =
-        (uint32_t)json_integer_or(dds, "deadline_ms", 0, BUS_DEADLINE_MS_MAX, 0);
-    const json_at interfaces = json_member(dds, "interfaces");
-    const json_at peers = json_member(dds, "peers");
-    const json_at security = json_member(dds, "security");
-    return read_names(&interfaces, self->interfaces, BUS_INTERFACES_MAX,
-                      &self->transport.dds_interface_count) &&
-           read_names(&peers, self->peers, BUS_PEERS_MAX, &self->transport.dds_peer_count) &&
-           read_security(self, &security) && dds->file->error[0] == '\0';
-}
-
-/// What the addresses and the key files are worth is the transport's to judge.
-static bool read_lcm(bus_options* self, const json_at* lcm)
-{
-    static const char* const KEYS[] = { "allow", "keys", "sign_with", "window_ms", NULL };
-    if (!json_expect_object(lcm, KEYS)) {
-        return false;
-    }
-    transport_lcm_auth* auth = &self->lcm;
-    auth->allow = self->networks;
-    auth->keys = self->lcm_keys;
-    auth->sign_with = (uint32_t)json_integer_or(lcm, "sign_with", 1, INT32_MAX, 0);
-    auth->window_ms = (uint32_t)json_integer_or(
-        lcm, "window_ms", TRANSPORT_LCM_WINDOW_MS_MIN, TRANSPORT_LCM_WINDOW_MS_MAX,
-        TRANSPORT_LCM_WINDOW_MS_DEFAULT);
-    const json_at allow = json_member(lcm, "allow");
-    const json_at keys = json_member(lcm, "keys");
-    self->transport.lcm_auth = auth;
-    return read_names(&allow, self->networks, TRANSPORT_LCM_NETWORKS_MAX, &auth->allow_count) &&
-           read_keys(self, &keys) && lcm->file->error[0] == '\0';
-}
-
-static bool read_keys(bus_options* self, const json_at* at)
-{
-    static const char* const KEYS[] = { "id", "file", NULL };
-    if (!json_given(at)) {
+    const setting_row row = row_at(first);
+    const json_at     bus = json_member(of, row.bus);
+    key_list          list = { .count = 0 };
+    if (!json_given(&bus)) {
         return true;
     }
-    const uint32_t given = json_expect_array(at, 0, TRANSPORT_LCM_KEYS_MAX);
-    const cJSON* node = at->file->error[0] == '\0' ? at->node->child : NULL;
-    for (uint32_t i = 0; i < given && node != NULL; i++, node = node->next) {
-        const json_at key = json_element(at, node, i);
-        const json_at file = json_member(&key, "file");
-        if (!json_expect_object(&key, KEYS)) {
+    for (uint32_t i = first; is_of_bus(i, row.bus); ++i) {
+        key_list_add(&list, row_at(i).key);
+    }
+    if (!json_expect_object(&bus, list.keys)) {
+        return false;
+    }
+    for (uint32_t i = first; is_of_bus(i, row.bus); ++i) {
+        if (row_at(i).member[0] == '\0' && !read_key(self, &bus, i)) {
             return false;
         }
-        if (json_string(&key, "file")[0] == '\0') {
-            return json_fail(&file, "is not a path, expected the name of a file");
-        }
-        self->lcm_keys[i].id = (uint32_t)json_integer(&key, "id", 1, INT32_MAX);
-        self->lcm_keys[i].file = json_path(&file);
-        if (self->lcm_keys[i].file == NULL) {
-            return json_fail(&file, "out of memory");
-        }
-        self->lcm.key_count = i + 1;
-    }
-    return at->file->error[0] == '\0';
-}
-
-/// An array of names of interfaces, hosts or networks; absent: none.
-static bool read_names(const json_at* at, const char** names, uint32_t max, uint32_t* count)
-{
-    if (!json_given(at)) {
-        return true;
-    }
-    const uint32_t given = json_expect_array(at, 0, max);
-    if (at->file->error[0] != '\0') {
-        return false;
-    }
-    const cJSON* node = at->node->child;
-    for (uint32_t i = 0; i < given; i++, node = node->next) {
-        const json_at element = json_element(at, node, i);
-        if (!cJSON_IsString(node) || node->valuestring[0] == '\0') {
-            return json_fail(&element, "is not a name, expected the name or address of an "
-                                       "interface, host or network");
-        }
-        names[i] = strdup(node->valuestring);
-        if (names[i] == NULL) {
-            return json_fail(&element, "out of memory");
-        }
-        *count = i + 1;
     }
     return true;
 }
 
-static bool read_security(bus_options* self, const json_at* at)
+static bool read_key(bus_options* self, const json_at* bus, uint32_t index)
 {
-    const char* keys[SECURITY_COUNT + 1] = { NULL };
-    for (uint32_t i = 0; i < SECURITY_COUNT; i++) {
-        keys[i] = SECURITY[i].key;
+    const setting_row row = row_at(index);
+    const json_at     at = json_member(bus, row.key);
+    if (json_given(&at)) {
+        return row.def->list_max > 0 ? read_list(self, &at, index) : read_one(self, &at, index);
     }
-    if (!json_given(at)) {
-        return true;
+    return row.def->preset == NULL || add(self, &at, row.def->name, strdup(row.def->preset));
+}
+
+static bool read_list(bus_options* self, const json_at* at, uint32_t index)
+{
+    const uint32_t count = json_expect_array(at, 0, row_at(index).def->list_max);
+    const cJSON*   node = at->file->error[0] == '\0' ? at->node->child : NULL;
+    for (uint32_t i = 0; i < count && node != NULL; ++i, node = node->next) {
+        const json_at element = json_element(at, node, i);
+        if (!read_one(self, &element, index)) {
+            return false;
+        }
     }
-    if (!json_expect_object(at, keys)) {
+    return at->file->error[0] == '\0';
+}
+
+/// A value, or an object with all of its members.
+static bool read_one(bus_options* self, const json_at* at, uint32_t index)
+{
+    const setting_row row = row_at(index);
+    key_list          list = { .count = 0 };
+    if (row.def->kind != TRANSPORT_SETTING_GROUP) {
+        return read_value(self, at, row.def);
+    }
+    for (uint32_t i = index + 1; is_member_of(i, &row); ++i) {
+        key_list_add(&list, row_at(i).member);
+    }
+    if (!json_expect_object(at, list.keys)) {
         return false;
     }
-    for (uint32_t i = 0; i < SECURITY_COUNT; i++) {
-        const json_at path = json_member(at, keys[i]);
-        if (json_string(at, keys[i])[0] == '\0') {
-            return json_fail(&path, "is not a path, expected the name of a file");
-        }
-        *security_path(&self->security, i) = json_path(&path);
-        if (security_path_of(self, i) == NULL) {
-            return json_fail(&path, "out of memory");
+    for (uint32_t i = index + 1; is_member_of(i, &row); ++i) {
+        const setting_row member = row_at(i);
+        const json_at     value = json_member(at, member.member);
+        if (!read_value(self, &value, member.def)) {
+            return false;
         }
     }
-    self->transport.dds_security = &self->security;
+    return true;
+}
+
+/// Whether an address, a name or a file is any good is the bus's to judge.
+static bool read_value(bus_options* self, const json_at* at, const transport_setting_def* def)
+{
+    if (def->kind == TRANSPORT_SETTING_NUMBER) {
+        char digits[24];
+        snprintf(digits, sizeof digits, "%lld",
+                 (long long)json_as_integer(at, def->min, def->max));
+        return at->file->error[0] == '\0' && add(self, at, def->name, strdup(digits));
+    }
+    const bool is_file = def->kind == TRANSPORT_SETTING_FILE;
+    if (!cJSON_IsString(at->node) || at->node->valuestring[0] == '\0') {
+        return json_fail(at, is_file ? "is not a path, expected the name of a file"
+                                     : "is not a name, expected the name or address of an "
+                                       "interface, host or network");
+    }
+    return add(self, at, def->name, is_file ? json_path(at) : strdup(at->node->valuestring));
+}
+
+/// Takes the value, which is null where memory has run out.
+static bool add(bus_options* self, const json_at* at, const char* name, char* value)
+{
+    const uint32_t     count = self->transport.setting_count;
+    transport_setting* more =
+        value != NULL ? realloc(self->settings, (count + 1) * sizeof *more) : NULL;
+    if (more == NULL) {
+        free(value);
+        return json_fail(at, "the system refused memory, expected less in use");
+    }
+    more[count] = (transport_setting){ .name = name, .value = value };
+    self->settings = more;
+    self->transport.settings = more;
+    self->transport.setting_count = count + 1;
     return true;
 }
 
 // ---- the files that are named -------------------------------------------------------------
 
+static const transport_setting_def* def_of(const char* name)
+{
+    uint32_t i = 0;
+    while (strcmp(transport_setting_at(i)->name, name) != 0) {
+        ++i;
+    }
+    return transport_setting_at(i);
+}
+
 static uint32_t sum_up_file(uint32_t sum, const char* path)
 {
     struct stat facts;
     memset(&facts, 0, sizeof facts);
-    if (path == NULL || stat(path, &facts) != 0) {
+    if (stat(path, &facts) != 0) {
         return sum; // whoever opens it says so
     }
     const int64_t signs[] = { sum, (int64_t)facts.st_ino, (int64_t)facts.st_size,
@@ -221,115 +258,114 @@ static uint32_t sum_up_file(uint32_t sum, const char* path)
 /// A renewed certificate or key comes under the old name; a reload has to notice.
 static void sum_up_files(bus_options* self)
 {
-    for (uint32_t i = 0; i < SECURITY_COUNT; i++) {
-        self->files_crc32 = sum_up_file(self->files_crc32, security_path_of(self, i));
-    }
-    for (uint32_t i = 0; i < self->lcm.key_count; i++) {
-        self->files_crc32 = sum_up_file(self->files_crc32, self->lcm_keys[i].file);
+    for (uint32_t i = 0; i < self->transport.setting_count; ++i) {
+        const transport_setting* setting = &self->settings[i];
+        if (def_of(setting->name)->kind == TRANSPORT_SETTING_FILE) {
+            self->files_crc32 = sum_up_file(self->files_crc32, setting->value);
+        }
     }
 }
 
 // ---- comparing and writing ----------------------------------------------------------------
 
-static bool same_names(const char* const* one, uint32_t count, const char* const* other,
-                       uint32_t other_count)
-{
-    bool same = count == other_count;
-    for (uint32_t i = 0; same && i < count; i++) {
-        same = strcmp(one[i], other[i]) == 0;
-    }
-    return same;
-}
-
-static bool same_lcm(const bus_options* self, const bus_options* other)
-{
-    const transport_lcm_auth* mine = &self->lcm;
-    const transport_lcm_auth* theirs = &other->lcm;
-    bool same = (self->transport.lcm_auth == NULL) == (other->transport.lcm_auth == NULL) &&
-                same_names(self->networks, mine->allow_count, other->networks,
-                           theirs->allow_count) &&
-                mine->key_count == theirs->key_count && mine->sign_with == theirs->sign_with &&
-                mine->window_ms == theirs->window_ms;
-    for (uint32_t i = 0; same && i < mine->key_count; i++) {
-        same = mine->keys[i].id == theirs->keys[i].id &&
-               strcmp(mine->keys[i].file, theirs->keys[i].file) == 0;
-    }
-    return same;
-}
-
 bool bus_options_same(const bus_options* self, const bus_options* other)
 {
-    const transport_options* mine = &self->transport;
-    const transport_options* theirs = &other->transport;
-    bool same = same_names(self->interfaces, mine->dds_interface_count, other->interfaces,
-                           theirs->dds_interface_count) &&
-                same_names(self->peers, mine->dds_peer_count, other->peers,
-                           theirs->dds_peer_count) &&
-                mine->dds_deadline_ms == theirs->dds_deadline_ms &&
-                (mine->dds_security == NULL) == (theirs->dds_security == NULL);
-    for (uint32_t i = 0; same && mine->dds_security != NULL && i < SECURITY_COUNT; i++) {
-        same = strcmp(security_path_of(self, i), security_path_of(other, i)) == 0;
+    const uint32_t count = self->transport.setting_count;
+    bool same = count == other->transport.setting_count &&
+                self->files_crc32 == other->files_crc32;
+    for (uint32_t i = 0; same && i < count; ++i) { // both are in the order of the tables
+        same = strcmp(self->settings[i].name, other->settings[i].name) == 0 &&
+               strcmp(self->settings[i].value, other->settings[i].value) == 0;
     }
-    return same && same_lcm(self, other) && self->files_crc32 == other->files_crc32;
+    return same;
 }
 
-static void write_names(FILE* out, const char* key, const char* const* names, uint32_t count)
+/// The value given at this place among those of its name. Null: there is none.
+static const char* value_of(const bus_options* self, const transport_setting_def* def,
+                            uint32_t place)
 {
-    fprintf(out, "\"%s\": [", key);
-    for (uint32_t i = 0; i < count; i++) {
-        fputs(i == 0 ? "" : ", ", out);
-        string_write(out, names[i]);
+    for (uint32_t i = 0; i < self->transport.setting_count; ++i) {
+        if (strcmp(self->settings[i].name, def->name) == 0 && place-- == 0) {
+            return self->settings[i].value;
+        }
     }
-    fputs("]", out);
+    return NULL;
 }
-
-static void write_dds(FILE* out, const bus_options* self);
-static void write_lcm(FILE* out, const bus_options* self);
 
 void bus_options_write(FILE* out, const bus_options* self)
 {
-    write_dds(out, self);
-    if (self->transport.lcm_auth != NULL) {
-        write_lcm(out, self);
+    for (uint32_t i = 0; row_at(i).def != NULL; ++i) {
+        if (i == 0 || strcmp(row_at(i - 1).bus, row_at(i).bus) != 0) {
+            write_bus(out, self, i);
+        }
     }
 }
 
-static void write_lcm(FILE* out, const bus_options* self)
+/// Is anything of a key given? What an object has, all of its members have.
+static bool is_given(const bus_options* self, uint32_t index)
 {
-    fputs(",\n  \"lcm\": { ", out);
-    write_names(out, "allow", self->networks, self->lcm.allow_count);
-    fputs(", \"keys\": [", out);
-    for (uint32_t i = 0; i < self->lcm.key_count; i++) {
-        fprintf(out, "%s{ \"id\": %u, \"file\": ", i == 0 ? "" : ", ", self->lcm_keys[i].id);
-        string_write(out, self->lcm_keys[i].file);
-        fputs(" }", out);
-    }
-    fprintf(out, "], \"window_ms\": %u", self->lcm.window_ms);
-    if (self->lcm.sign_with != 0) {
-        fprintf(out, ", \"sign_with\": %u", self->lcm.sign_with);
-    }
-    fputs(" }", out);
+    const transport_setting_def* def = row_at(index).def;
+    return value_of(self, def->kind == TRANSPORT_SETTING_GROUP ? row_at(index + 1).def : def, 0) !=
+           NULL;
 }
 
-static void write_dds(FILE* out, const bus_options* self)
+static void write_bus(FILE* out, const bus_options* self, uint32_t first)
 {
-    const transport_options* given = &self->transport;
-    if (given->dds_interface_count == 0 && given->dds_peer_count == 0 &&
-        given->dds_deadline_ms == 0 && given->dds_security == NULL) {
+    const setting_row bus = row_at(first);
+    const char*       before = "{ ";
+    for (uint32_t i = first; is_of_bus(i, bus.bus); ++i) {
+        const setting_row row = row_at(i);
+        if (row.member[0] != '\0' || !is_given(self, i)) {
+            continue;
+        }
+        if (before[0] == '{') {
+            fprintf(out, ",\n  \"%s\": ", bus.bus);
+        }
+        fprintf(out, "%s\"%s\": ", before, row.key);
+        write_key(out, self, i);
+        before = ", ";
+    }
+    fputs(before[0] == ',' ? " }" : "", out);
+}
+
+static void write_value(FILE* out, const transport_setting_def* def, const char* value)
+{
+    if (def->kind == TRANSPORT_SETTING_NUMBER) {
+        fputs(value, out);
+    } else {
+        string_write(out, value);
+    }
+}
+
+/// The value or object at this place of a list.
+static void write_one(FILE* out, const bus_options* self, uint32_t index, uint32_t place)
+{
+    const setting_row row = row_at(index);
+    if (row.def->kind != TRANSPORT_SETTING_GROUP) {
+        write_value(out, row.def, value_of(self, row.def, place));
         return;
     }
-    fputs(",\n  \"dds\": { ", out);
-    write_names(out, "interfaces", self->interfaces, given->dds_interface_count);
-    fputs(", ", out);
-    write_names(out, "peers", self->peers, given->dds_peer_count);
-    fprintf(out, ", \"deadline_ms\": %u", given->dds_deadline_ms);
-    if (given->dds_security != NULL) {
-        fputs(",\n    \"security\": ", out);
-        for (uint32_t i = 0; i < SECURITY_COUNT; i++) {
-            fprintf(out, "%s\"%s\": ", i == 0 ? "{ " : ", ", SECURITY[i].key);
-            string_write(out, security_path_of(self, i));
-        }
-        fputs(" }", out);
+    for (uint32_t i = index + 1; is_member_of(i, &row); ++i) {
+        const setting_row member = row_at(i);
+        fprintf(out, "%s\"%s\": ", i == index + 1 ? "{ " : ", ", member.member);
+        write_value(out, member.def, value_of(self, member.def, place));
     }
     fputs(" }", out);
+}
+
+static void write_key(FILE* out, const bus_options* self, uint32_t index)
+{
+    const transport_setting_def* def = row_at(index).def;
+    if (def->list_max == 0) {
+        write_one(out, self, index, 0);
+        return;
+    }
+    const transport_setting_def* counted =
+        def->kind == TRANSPORT_SETTING_GROUP ? row_at(index + 1).def : def;
+    fputs("[", out);
+    for (uint32_t i = 0; value_of(self, counted, i) != NULL; ++i) {
+        fputs(i > 0 ? ", " : "", out);
+        write_one(out, self, index, i);
+    }
+    fputs("]", out);
 }

@@ -71,11 +71,12 @@ void config_free(config* self)
 /// Everything but the road.
 static int read_document(config* self, const json_at* root)
 {
-    static const char* const KEYS[] = {
-        "format", "rsu_id", "bus", "dds", "lcm", "road", "road_file", "cycle_ms", "planner",
-        "freshness", "control", "metrics", "realtime", "log_format", NULL,
+    const char* keys[JSON_KEYS_MAX] = {
+        "format", "rsu_id", "bus", "road", "road_file", "cycle_ms", "planner", "freshness",
+        "control", "metrics", "realtime", "log_format", NULL,
     };
-    if (!json_expect_object(root, KEYS)) {
+    bus_options_keys(keys, JSON_KEYS_MAX - 1);
+    if (!json_expect_object(root, keys)) {
         return EXIT_CONFIG;
     }
     const json_at format = json_member(root, "format");

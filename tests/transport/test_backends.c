@@ -468,8 +468,9 @@ static void test_an_interface_that_is_not_there_is_named_with_those_that_are(voi
     if (!dds_is_built_in()) {
         skip();
     }
-    static const char* const names[] = { "lo", "verge9" };
-    const transport_options  options = { .dds_interfaces = names, .dds_interface_count = 2 };
+    static const transport_setting names[] = { { "dds.interfaces", "lo" },
+                                               { "dds.interfaces", "verge9" } };
+    const transport_options        options = { .settings = names, .setting_count = 2 };
     char       error[512] = "";
     transport* bus = NULL;
     assert_int_equal(transport_open_with(&bus, "dds:0", TRANSPORT_STATES, &options, error,
@@ -479,8 +480,8 @@ static void test_an_interface_that_is_not_there_is_named_with_those_that_are(voi
     assert_non_null(strstr(error, "lo (127.0.0.1)"));
 
     // By address as well as by name.
-    static const char* const addresses[] = { "127.0.0.1" };
-    const transport_options  by_address = { .dds_interfaces = addresses, .dds_interface_count = 1 };
+    static const transport_setting address = { "dds.interfaces", "127.0.0.1" };
+    const transport_options        by_address = { .settings = &address, .setting_count = 1 };
     transport_close(dds_open("dds:0", TRANSPORT_STATES, &by_address));
 }
 
@@ -580,7 +581,9 @@ static void test_dds_tells_of_senders_that_leave_and_of_deadlines(void** state)
         skip();
     }
     complaints[0] = '\0';
-    transport_options options = { .log = keep_complaint, .dds_deadline_ms = 700 };
+    transport_setting deadline = { "dds.deadline_ms", "700" };
+    transport_options options = { .log = keep_complaint, .settings = &deadline,
+                                  .setting_count = 1 };
     fixture f = { .url = "dds:0", .is_dds = true,
                   .receiver = dds_open("dds:0", TRANSPORT_STATES, &options),
                   .sender = dds_open("dds:0", SENDS_ALL, NULL) };
@@ -593,7 +596,7 @@ static void test_dds_tells_of_senders_that_leave_and_of_deadlines(void** state)
     fixture_close(&f);
 
     // Our senders promise half a second; who asks for more does not hear them, and is told.
-    options.dds_deadline_ms = 100;
+    deadline.value = "100";
     f.receiver = dds_open("dds:0", TRANSPORT_STATES, &options);
     f.sender = dds_open("dds:0", SENDS_ALL, NULL);
     assert_true(is_told(f.receiver, "promises no deadline as short", f.sender));

@@ -69,9 +69,9 @@ static paths paths_of(const char* set, const char* who)
     return p;
 }
 
-static transport_dds_security files_of(const paths* p)
+static dds_security_files files_of(const paths* p)
 {
-    return (transport_dds_security){
+    return (dds_security_files){
         .identity_ca = p->identity_ca, .certificate = p->certificate, .key = p->key,
         .permissions_ca = p->permissions_ca, .governance = p->governance,
         .permissions = p->permissions,
@@ -80,7 +80,7 @@ static transport_dds_security files_of(const paths* p)
 
 static bool check(const paths* p, char error[512])
 {
-    const transport_dds_security files = files_of(p);
+    const dds_security_files files = files_of(p);
     error[0] = '\0';
     return dds_security_check(&files, error, 512);
 }
@@ -222,7 +222,7 @@ static void test_what_has_expired_is_refused_with_its_date(void** state)
 static long check_first_end(const char* set, const char* who, const char* field)
 {
     const paths                  p = paths_of(set, who);
-    const transport_dds_security files = files_of(&p);
+    const dds_security_files files = files_of(&p);
     char                         words[512], begin[64];
     int64_t                      utime = 0;
     snprintf(begin, sizeof begin, "dds.security.%s: %s/", field, folder);
@@ -249,7 +249,7 @@ static void test_the_first_of_the_papers_to_end_is_told(void** state)
     assert_int_equal(shell("%s --out %s/ends --days 9999 vehicle", certs, folder), 0);
     assert_int_equal(check_first_end("ends", "vehicle", "identity_ca"), 3650);
     paths p = paths_of("ends", "rsu");
-    const transport_dds_security files = files_of(&p);
+    const dds_security_files files = files_of(&p);
     char    words[512];
     int64_t utime = 0;
     path_set(p.certificate, "absent");
@@ -268,7 +268,7 @@ static void test_rules_that_leave_the_door_open_are_told(void** state)
     };
     char                         words[512];
     paths                        p = paths_of("ours", "rsu");
-    const transport_dds_security files = files_of(&p);
+    const dds_security_files files = files_of(&p);
     assert_false(dds_security_lax(&files, words, sizeof words));
     path_set(p.governance, "lax.p7s");
     for (size_t i = 0; i < sizeof lax / sizeof lax[0]; ++i) {
@@ -282,10 +282,16 @@ static void test_rules_that_leave_the_door_open_are_told(void** state)
         assert_non_null(strstr(words, lax[i].element));
         assert_non_null(strstr(words, p.governance));
     }
-    const char* const       far = "verge9"; // no such interface: not loopback
-    const transport_options options = {
-        .dds_interfaces = &far, .dds_interface_count = 1, .dds_security = &files,
+    const transport_setting settings[] = {
+        { "dds.interfaces", "verge9" }, // no such interface: not loopback
+        { "dds.security.identity_ca", files.identity_ca },
+        { "dds.security.certificate", files.certificate },
+        { "dds.security.key", files.key },
+        { "dds.security.permissions_ca", files.permissions_ca },
+        { "dds.security.governance", files.governance },
+        { "dds.security.permissions", files.permissions },
     };
+    const transport_options options = { .settings = settings, .setting_count = 7 };
     if (transport_url_fault("dds:0") == NULL) { // built in
         assert_true(transport_exposed("dds:0", &options, words, sizeof words));
         assert_non_null(strstr(words, "enable_write_access_control"));

@@ -114,10 +114,60 @@ static void test_the_code_is_that_of_rfc_4231(void** state)
 
 static const int64_t now = 1700000000000000; // [us]
 
-static void auth_or_fail(lcm_auth* auth, const transport_lcm_auth* asked)
+/// The settings of a test, in a shape that reads well.
+typedef struct lcm_key {
+    uint32_t    id;
+    const char* file;
+} lcm_key;
+typedef struct lcm_asked {
+    const char* const* allow;
+    uint32_t           allow_count;
+    const lcm_key*     keys;
+    uint32_t           key_count, sign_with, window_ms;
+} lcm_asked;
+
+enum { SETTINGS_MAX = 16 };
+static transport_setting settings[SETTINGS_MAX];
+static char              numbers[SETTINGS_MAX][16];
+static uint32_t          given;
+
+static void give(const char* name, const char* text)
+{
+    assert_true(given < SETTINGS_MAX);
+    settings[given++] = (transport_setting){ name, text };
+}
+
+static void give_number(const char* name, uint32_t value)
+{
+    snprintf(numbers[given], sizeof numbers[0], "%u", value);
+    give(name, numbers[given]);
+}
+
+/// Valid until it is called again.
+static transport_options options_of(const lcm_asked* asked)
+{
+    given = 0;
+    for (uint32_t i = 0; asked != NULL && i < asked->allow_count; ++i) {
+        give("lcm.allow", asked->allow[i]);
+    }
+    for (uint32_t i = 0; asked != NULL && i < asked->key_count; ++i) {
+        give_number("lcm.keys.id", asked->keys[i].id);
+        give("lcm.keys.file", asked->keys[i].file);
+    }
+    if (asked != NULL && asked->sign_with != 0) {
+        give_number("lcm.sign_with", asked->sign_with);
+    }
+    if (asked != NULL && asked->window_ms != 0) {
+        give_number("lcm.window_ms", asked->window_ms);
+    }
+    return (transport_options){ .settings = settings, .setting_count = given };
+}
+
+static void auth_or_fail(lcm_auth* auth, const lcm_asked* asked)
 {
     char error[256] = "";
-    if (!lcm_auth_init(auth, asked, error, sizeof error)) {
+    const transport_options options = options_of(asked);
+    if (!lcm_auth_init(auth, &options, error, sizeof error)) {
         fail_msg("%s", error);
     }
 }
@@ -137,8 +187,8 @@ static void test_any_byte_changed_is_forged_or_no_signature_at_all(void** state)
     (void)state;
     need_openssl();
     static lcm_auth           sender, receiver;
-    const transport_lcm_key   keys[] = { { 1, key_one }, { 2, key_two } };
-    const transport_lcm_auth  asked = { .keys = keys, .key_count = 2, .sign_with = 2 };
+    const lcm_key   keys[] = { { 1, key_one }, { 2, key_two } };
+    const lcm_asked  asked = { .keys = keys, .key_count = 2, .sign_with = 2 };
     uint8_t                   event[ROOM];
     auth_or_fail(&sender, &asked);
     auth_or_fail(&receiver, &asked);
@@ -172,8 +222,8 @@ static void test_a_message_counts_once_and_within_the_window(void** state)
     (void)state;
     need_openssl();
     static lcm_auth          sender, receiver;
-    const transport_lcm_key  key = { 7, key_one };
-    const transport_lcm_auth asked = { .keys = &key, .key_count = 1, .sign_with = 7,
+    const lcm_key  key = { 7, key_one };
+    const lcm_asked asked = { .keys = &key, .key_count = 1, .sign_with = 7,
                                        .window_ms = 500 };
     uint8_t first[ROOM], second[ROOM], early[ROOM];
     auth_or_fail(&sender, &asked);
@@ -211,8 +261,8 @@ static void test_senders_beyond_the_table_wait_until_others_are_silent(void** st
     (void)state;
     need_openssl();
     static lcm_auth          sender, receiver;
-    const transport_lcm_key  key = { 1, key_one };
-    const transport_lcm_auth asked = { .keys = &key, .key_count = 1, .sign_with = 1 };
+    const lcm_key  key = { 1, key_one };
+    const lcm_asked asked = { .keys = &key, .key_count = 1, .sign_with = 1 };
     uint8_t event[ROOM], first[ROOM];
     size_t  size = 0;
     auth_or_fail(&sender, &asked);
@@ -239,8 +289,8 @@ static void test_random_bytes_are_never_admitted(void** state)
     (void)state;
     need_openssl();
     static lcm_auth          receiver;
-    const transport_lcm_key  key = { 1, key_one };
-    const transport_lcm_auth asked = { .keys = &key, .key_count = 1 };
+    const lcm_key  key = { 1, key_one };
+    const lcm_asked asked = { .keys = &key, .key_count = 1 };
     uint8_t        event[200];
     test_rng       rng = test_rng_seeded("lcm_auth");
     const uint32_t rounds = test_rounds(20000);
@@ -262,11 +312,11 @@ static void test_random_bytes_are_never_admitted(void** state)
 
 // ---------------------------------------------------------------- what may be asked for
 
-static void check_refused(transport_lcm_auth asked, const char* field, const char* remedy)
+static void check_refused(lcm_asked asked, const char* field, const char* remedy)
 {
     char       error[256] = "";
     transport* bus = NULL;
-    const transport_options options = { .lcm_auth = &asked };
+    const transport_options options = options_of(&asked);
     assert_int_equal(transport_open_with(&bus, url, 0, &options, error, sizeof error),
                      TRANSPORT_BAD_URL);
     assert_null(bus);
@@ -278,34 +328,34 @@ static void check_refused(transport_lcm_auth asked, const char* field, const cha
 static void test_keys_that_cannot_work_are_refused_with_the_remedy(void** state)
 {
     (void)state;
-    const transport_lcm_key good = { 1, key_one };
-    const transport_lcm_key twice[] = { { 1, key_one }, { 1, key_two } };
-    const transport_lcm_key zero = { 0, key_one };
-    const transport_lcm_key absent = { 1, "/nowhere/at/all.key" };
-    const transport_lcm_key folder = { 1, "/tmp" };
-    const transport_lcm_key bad = { 1, key_bad };
+    const lcm_key good = { 1, key_one };
+    const lcm_key twice[] = { { 1, key_one }, { 1, key_two } };
+    const lcm_key zero = { 0, key_one };
+    const lcm_key absent = { 1, "/nowhere/at/all.key" };
+    const lcm_key folder = { 1, "/tmp" };
+    const lcm_key bad = { 1, key_bad };
     if (!hmac_available()) {
-        check_refused((transport_lcm_auth){ .keys = &good, .key_count = 1 }, "lcm.keys: ",
+        check_refused((lcm_asked){ .keys = &good, .key_count = 1 }, "lcm.keys: ",
                       "VERGE_OPENSSL");
         return;
     }
-    check_refused((transport_lcm_auth){ .keys = twice, .key_count = 2 }, "lcm.keys[1].id: ",
+    check_refused((lcm_asked){ .keys = twice, .key_count = 2 }, "lcm.keys[1].id: ",
                   "an id of its own");
-    check_refused((transport_lcm_auth){ .keys = &zero, .key_count = 1 }, "lcm.keys[0].id: ",
-                  "1 or more");
-    check_refused((transport_lcm_auth){ .keys = &absent, .key_count = 1 },
+    check_refused((lcm_asked){ .keys = &zero, .key_count = 1 }, "lcm.keys.id: ",
+                  "expected 1 to");
+    check_refused((lcm_asked){ .keys = &absent, .key_count = 1 },
                   "lcm.keys[0].file: /nowhere/at/all.key: ", "No such file");
-    check_refused((transport_lcm_auth){ .keys = &folder, .key_count = 1 },
+    check_refused((lcm_asked){ .keys = &folder, .key_count = 1 },
                   "lcm.keys[0].file: /tmp: ", "a directory");
-    check_refused((transport_lcm_auth){ .keys = &good, .key_count = 1, .sign_with = 2 },
+    check_refused((lcm_asked){ .keys = &good, .key_count = 1, .sign_with = 2 },
                   "lcm.sign_with: ", "one of lcm.keys");
-    check_refused((transport_lcm_auth){ .keys = &good, .key_count = 1, .window_ms = 9 },
+    check_refused((lcm_asked){ .keys = &good, .key_count = 1, .window_ms = 9 },
                   "lcm.window_ms: ", "10 to 60000");
 
     static const mode_t modes[] = { 0640, 0604, 0620, 0666, 0644 };
     for (size_t i = 0; i < sizeof modes / sizeof modes[0]; ++i) {
         chmod(key_bad, modes[i]);
-        check_refused((transport_lcm_auth){ .keys = &bad, .key_count = 1 },
+        check_refused((lcm_asked){ .keys = &bad, .key_count = 1 },
                       "lcm.keys[0].file: ", "chmod 600");
     }
     static const char digits[] =
@@ -316,12 +366,12 @@ static void test_keys_that_cannot_work_are_refused_with_the_remedy(void** state)
     for (size_t i = 0; i < sizeof lengths / sizeof lengths[0]; ++i) {
         snprintf(text, sizeof text, "%.*s\n", (int)lengths[i], digits);
         write_key(key_bad, text, 0600);
-        check_refused((transport_lcm_auth){ .keys = &bad, .key_count = 1 },
+        check_refused((lcm_asked){ .keys = &bad, .key_count = 1 },
                       "lcm.keys[0].file: ", "openssl rand -hex 32");
     }
     snprintf(text, sizeof text, "%.63s\x10\n", digits); // a control character is no digit
     write_key(key_bad, text, 0600);
-    check_refused((transport_lcm_auth){ .keys = &bad, .key_count = 1 }, "lcm.keys[0].file: ",
+    check_refused((lcm_asked){ .keys = &bad, .key_count = 1 }, "lcm.keys[0].file: ",
                   "openssl rand -hex 32");
 }
 
@@ -332,12 +382,12 @@ static void test_networks_are_read_as_written_or_refused(void** state)
                                          "10.1.0.0/16 ", "10.1.0.0/-1", "256.0.0.0", "::1",
                                          "10.1.0.0/1x", "1234567890123456789" };
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
-        check_refused((transport_lcm_auth){ .allow = &wrong[i], .allow_count = 1 },
+        check_refused((lcm_asked){ .allow = &wrong[i], .allow_count = 1 },
                       "lcm.allow[0]: ", "such as 10.1.0.0/16");
     }
     static lcm_auth          auth;
     static const char* const right[] = { "10.1.0.0/16", "127.0.0.2", "192.168.7.128/25" };
-    auth_or_fail(&auth, &(transport_lcm_auth){ .allow = right, .allow_count = 3 });
+    auth_or_fail(&auth, &(lcm_asked){ .allow = right, .allow_count = 3 });
     static const struct { const char* address; bool allowed; } cases[] = {
         { "10.1.0.0", true },       { "10.1.255.255", true },   { "10.2.0.0", false },
         { "10.0.255.255", false },  { "127.0.0.2", true },      { "127.0.0.1", false },
@@ -349,10 +399,10 @@ static void test_networks_are_read_as_written_or_refused(void** state)
                          cases[i].allowed);
     }
     static const char* const here[] = { "127.0.0.1" };
-    auth_or_fail(&auth, &(transport_lcm_auth){ .allow = here, .allow_count = 1 });
+    auth_or_fail(&auth, &(lcm_asked){ .allow = here, .allow_count = 1 });
     assert_true(lcm_auth_allows(&auth, 0)); // loopback without a source address
     static const char* const everyone[] = { "0.0.0.0/0" };
-    auth_or_fail(&auth, &(transport_lcm_auth){ .allow = everyone, .allow_count = 1 });
+    auth_or_fail(&auth, &(lcm_asked){ .allow = everyone, .allow_count = 1 });
     assert_true(lcm_auth_allows(&auth, ntohl(inet_addr("203.0.113.9"))));
     auth_or_fail(&auth, NULL);
     assert_true(lcm_auth_allows(&auth, 0));
@@ -370,11 +420,12 @@ static void hear(void* context, const char* line)
     said_count += 1;
 }
 
-static transport* open_signed(unsigned receive, const transport_lcm_auth* asked)
+static transport* open_signed(unsigned receive, const lcm_asked* asked)
 {
     char       error[256] = "";
     transport* bus = NULL;
-    const transport_options options = { .lcm_auth = asked, .log = hear };
+    transport_options options = options_of(asked);
+    options.log = hear;
     if (transport_open_with(&bus, url, receive, &options, error, sizeof error) != TRANSPORT_OK) {
         fail_msg("%s", error);
     }
@@ -444,12 +495,12 @@ static void test_strangers_get_nothing_through_and_each_cause_is_counted_and_tol
 {
     (void)state;
     need_openssl();
-    const transport_lcm_key  keys[] = { { 1, key_one }, { 2, key_two } };
-    const transport_lcm_key  foreign_keys[] = { { 1, key_two } };
-    const transport_lcm_key  unknown_keys[] = { { 9, key_one } };
-    const transport_lcm_auth asked = { .keys = keys, .key_count = 2, .sign_with = 1 };
-    const transport_lcm_auth foreign = { .keys = foreign_keys, .key_count = 1, .sign_with = 1 };
-    const transport_lcm_auth unknown = { .keys = unknown_keys, .key_count = 1, .sign_with = 9 };
+    const lcm_key  keys[] = { { 1, key_one }, { 2, key_two } };
+    const lcm_key  foreign_keys[] = { { 1, key_two } };
+    const lcm_key  unknown_keys[] = { { 9, key_one } };
+    const lcm_asked asked = { .keys = keys, .key_count = 2, .sign_with = 1 };
+    const lcm_asked foreign = { .keys = foreign_keys, .key_count = 1, .sign_with = 1 };
+    const lcm_asked unknown = { .keys = unknown_keys, .key_count = 1, .sign_with = 9 };
     transport*        receiver = open_signed(TRANSPORT_STATES, &asked);
     transport*        good = open_signed(0, &asked);
     const int         tap = wire_tap();
@@ -509,8 +560,8 @@ static void test_who_has_no_keys_reads_signed_messages_as_any_others(void** stat
 {
     (void)state;
     need_openssl();
-    const transport_lcm_key  key = { 1, key_one };
-    const transport_lcm_auth asked = { .keys = &key, .key_count = 1, .sign_with = 1 };
+    const lcm_key  key = { 1, key_one };
+    const lcm_asked asked = { .keys = &key, .key_count = 1, .sign_with = 1 };
     transport*        receiver = open_signed(TRANSPORT_STATES | TRANSPORT_PLANS, NULL);
     transport*        sender = open_signed(0, &asked);
     const int         tap = wire_tap();
@@ -548,7 +599,7 @@ static void test_only_allowed_addresses_are_heard(void** state)
 {
     (void)state;
     static const char* const allow[] = { "127.0.0.64/26", "127.0.0.9" };
-    const transport_lcm_auth asked = { .allow = allow, .allow_count = 2 };
+    const lcm_asked asked = { .allow = allow, .allow_count = 2 };
     transport*        receiver = open_signed(TRANSPORT_STATES, &asked);
     transport*        sender = open_signed(0, NULL);
     const int         tap = wire_tap();

@@ -57,9 +57,15 @@
 /// Time        arrival_utime stays 0, for the time of the clock; a bus that replays a recording
 ///             sets the event's own. send()'s utime is for a bus that records (keeps_time).
 ///
-/// To add one: a file with its `const backend`, its line in the list of transport.c, its sources
-/// and library in CMakeLists.txt, a row in the fixtures of tests/transport/test_backends.c, which
-/// then runs every claim about buses against it.
+/// Settings    What a bus needs beyond its URL stands in its table: name, kind, range, sentence.
+///             From the table come the reading and checking of the configuration, --print-config,
+///             the schema and the manual. open() reads the values with settings.h; they are in
+///             their ranges, and files are full paths. A change of a file's content counts as a
+///             change of the configuration.
+///
+/// To add one: a file with its `const backend`; its line in buses.def; its library in
+/// CMakeLists.txt; a case in tests/transport/test_backends.c, which runs every claim about buses
+/// against it; the URL in transport.h; tools/documents for schema and manual.
 #ifndef BACKEND_H
 #define BACKEND_H
 
@@ -92,6 +98,7 @@ typedef enum take_result {
 /// A null function does what its comment says.
 typedef struct backend {
     const char* scheme; ///< "lcm:", what a URL of this bus begins with
+    const char* form;   ///< a whole URL: "dds:N"
     /// rest is the URL behind the scheme; options is never null; receive has the bits of
     /// TRANSPORT_STATES and its like. Returns a transport_result; *self is null on failure.
     int  (*open)(void** self, const char* rest, unsigned receive,
@@ -117,9 +124,14 @@ typedef struct backend {
     bool (*expires)(const transport_options* options, int64_t* utime, char* words,
                     size_t words_size);
     bool keeps_time; ///< send() stores utime: transport_record() makes sense
+    const transport_setting_def* settings; ///< what this bus needs beyond its URL
+    uint32_t                     setting_count;
 } backend;
 
-extern const backend backend_lcm, backend_loop, backend_log, backend_dds;
+#define BUS(name) extern const backend backend_##name;
+#include "buses.def"
+/// All of this build; ends with null.
+extern const backend* const backend_list[];
 
 /// [us] CLOCK_REALTIME.
 int64_t backend_utime_now(void);

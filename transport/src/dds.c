@@ -30,6 +30,7 @@
 #include "dds_config.h"
 #include "dds_security.h"
 #include "dds_types.h"
+#include "settings.h"
 #include "verge/plan.h"
 
 #include <dds/ddsrt/log.h>
@@ -84,8 +85,8 @@ static _Thread_local char* reason;
 static bool enlist(dds* self);
 static const dds* companion_of(const dds* self);
 static void delist(const dds* self);
-static int  domain_open(dds* self, const char* config, const transport_dds_security* security);
-static int  participant_open(dds* self, const transport_dds_security* security);
+static int  domain_open(dds* self, const char* config, const dds_security_files* security);
+static int  participant_open(dds* self, const dds_security_files* security);
 static int  ends_open(dds* self, unsigned receive);
 static int  reader_open(dds* self, transport_kind kind);
 static int  writer_open(dds* self, transport_kind kind);
@@ -118,8 +119,9 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
                  DDS_DOMAIN_MAX);
         return TRANSPORT_BAD_URL;
     }
-    if (options->dds_security != NULL &&
-        !dds_security_check(options->dds_security, error, error_size)) {
+    dds_security_files        files;
+    const dds_security_files* security = dds_security_asked(options, &files);
+    if (security != NULL && !dds_security_check(security, error, error_size)) {
         return TRANSPORT_BAD_URL;
     }
     static _Thread_local char config[DDS_CONFIG_SIZE];
@@ -127,7 +129,7 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
         return TRANSPORT_UNAVAILABLE;
     }
     pthread_once(&sink_set, sink_install);
-    if (options->dds_security != NULL && dds_config_environment(options) == NULL) {
+    if (security != NULL && dds_config_environment(options) == NULL) {
         pthread_once(&trace_sink_set, trace_sink_install);
     }
     char said[LINE_SIZE] = "";
@@ -137,7 +139,7 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
         return TRANSPORT_UNAVAILABLE;
     }
     made->number = number;
-    made->deadline_ms = options->dds_deadline_ms;
+    made->deadline_ms = setting_number(options, "dds.deadline_ms", 0);
     made->interface_count = dds_config_interfaces(options, made->interfaces);
     made->counts = counts;
     complaints_init(&made->complaints, options);
@@ -145,14 +147,14 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
 
     reason = said;
     pthread_mutex_lock(&gate);
-    int result = made->fd >= 0 ? domain_open(made, config, options->dds_security)
+    int result = made->fd >= 0 ? domain_open(made, config, security)
                                : DDS_RETCODE_OUT_OF_RESOURCES;
     if (result == 0 && !enlist(made)) {
         result = DDS_RETCODE_OUT_OF_RESOURCES;
     }
     pthread_mutex_unlock(&gate);
     if (result == 0) {
-        result = participant_open(made, options->dds_security);
+        result = participant_open(made, security);
     }
     if (result == 0) {
         result = ends_open(made, receive);
@@ -179,7 +181,7 @@ static void explain(const dds* self, const transport_options* options, int resul
         snprintf(error, error_size,
                  "dds:%u: %s%s%.160s does not grant all that this program publishes and hears, "
                  "expected permissions that do, or a program that wants less",
-                 number, said, colon, options->dds_security->permissions);
+                 number, said, colon, setting_text(options, "dds.security.permissions", 0));
     } else if (result == DDS_RETCODE_PRECONDITION_NOT_MET) {
         snprintf(error, error_size,
                  "dds:%u: this program is in the domain already with other interfaces or peers, "
@@ -242,8 +244,10 @@ static bool dds_bus_exposed(const char* rest, const transport_options* options, 
     if (!dds_config_leaves(options, interface, sizeof interface)) {
         return false;
     }
-    if (options->dds_security != NULL) {
-        return dds_security_lax(options->dds_security, words, words_size);
+    dds_security_files        files;
+    const dds_security_files* security = dds_security_asked(options, &files);
+    if (security != NULL) {
+        return dds_security_lax(security, words, words_size);
     }
     snprintf(words, words_size,
              "dds:%s: in the clear on %s: who is there can speak as any vehicle and as this unit; "
@@ -254,14 +258,15 @@ static bool dds_bus_exposed(const char* rest, const transport_options* options, 
 
 static bool dds_bus_secured(const transport_options* options)
 {
-    return options->dds_security != NULL;
+    return setting_count(options, "dds.security.key") > 0;
 }
 
 static bool dds_bus_expires(const transport_options* options, int64_t* utime, char* words,
                             size_t words_size)
 {
-    return dds_bus_secured(options) &&
-           dds_security_expires(options->dds_security, utime, words, words_size);
+    dds_security_files        files;
+    const dds_security_files* security = dds_security_asked(options, &files);
+    return security != NULL && dds_security_expires(security, utime, words, words_size);
 }
 
 // ---- moving messages ----------------------------------------------------------------------
@@ -357,7 +362,7 @@ static const dds* companion_of(const dds* self)
 /// here, and the same one on the network. Not so when it is secured: Cyclone looks up the number
 /// it has here in the governance. Secured buses of one configuration share the domain, so that a
 /// daemon can enter with its new papers before it leaves with the old ones.
-static int domain_open(dds* self, const char* config, const transport_dds_security* security)
+static int domain_open(dds* self, const char* config, const dds_security_files* security)
 {
     static atomic_uint next = 1000;
     self->local = self->number;
@@ -377,7 +382,7 @@ static int domain_open(dds* self, const char* config, const transport_dds_securi
 }
 
 /// The names under which Cyclone and the standard know the papers.
-static void papers_set(dds_qos_t* quality, const transport_dds_security* security)
+static void papers_set(dds_qos_t* quality, const dds_security_files* security)
 {
     const struct { const char *name, *path; } papers[] = {
         { "dds.sec.auth.identity_ca", security->identity_ca },
@@ -408,7 +413,7 @@ static void papers_set(dds_qos_t* quality, const transport_dds_security* securit
     }
 }
 
-static int participant_open(dds* self, const transport_dds_security* security)
+static int participant_open(dds* self, const dds_security_files* security)
 {
     dds_qos_t* quality = dds_create_qos();
     if (security != NULL) {
@@ -706,6 +711,9 @@ static void trace_sink_install(void)
 
 const backend backend_dds = {
     .scheme = "dds:",
+    .form = "dds:N",
+    .settings = dds_settings,
+    .setting_count = DDS_SETTINGS,
     .open = dds_bus_open,
     .close = dds_bus_close,
     .fd = dds_bus_fd,

@@ -1,5 +1,7 @@
 #include "dds_config.h"
 
+#include "settings.h"
+
 #include <arpa/inet.h>
 #include <ifaddrs.h>
 #include <stdarg.h>
@@ -27,11 +29,44 @@ static bool interface_known(const char* interface, char name[IF_NAMESIZE], char*
 static bool interfaces_check(const transport_options* options, uint32_t domain, char* error,
                              size_t error_size);
 
+const transport_setting_def dds_settings[DDS_SETTINGS] = {
+    { .name = "dds.interfaces", .kind = TRANSPORT_SETTING_TEXT, .list_max = DDS_INTERFACES_MAX,
+      .text = "network interfaces to use, by name or address; empty: as CYCLONEDDS_URI says, or "
+              "loopback if it is not set" },
+    { .name = "dds.peers", .kind = TRANSPORT_SETTING_TEXT, .list_max = DDS_PEERS_MAX,
+      .text = "addresses of hosts that multicast does not reach" },
+    { .name = "dds.deadline_ms", .kind = TRANSPORT_SETTING_NUMBER, .max = 60000, .preset = "0",
+      .unit = "ms",
+      .text = "the period that every sender of states must promise. Each missed deadline is "
+              "counted and logged; a sender without this promise is not heard. 0: no promise is "
+              "required" },
+    { .name = "dds.security", .kind = TRANSPORT_SETTING_GROUP,
+      .text = "DDS Security, files in PEM and S/MIME; absent: no security" },
+    { .name = "dds.security.identity_ca", .kind = TRANSPORT_SETTING_FILE,
+      .text = "certificate of the authority that signed the certificates of all participants" },
+    { .name = "dds.security.certificate", .kind = TRANSPORT_SETTING_FILE,
+      .text = "certificate of this unit" },
+    { .name = "dds.security.key", .kind = TRANSPORT_SETTING_FILE,
+      .text = "private key of this unit, readable by the daemon only (mode 0600)" },
+    { .name = "dds.security.permissions_ca", .kind = TRANSPORT_SETTING_FILE,
+      .text = "certificate of the authority that signed governance and permissions" },
+    { .name = "dds.security.governance", .kind = TRANSPORT_SETTING_FILE,
+      .text = "rules of the domain, signed (.p7s)" },
+    { .name = "dds.security.permissions", .kind = TRANSPORT_SETTING_FILE,
+      .text = "what this unit may publish and receive, signed (.p7s)" },
+};
+
+/// Null behind the last one.
+static const char* interface_at(const transport_options* options, uint32_t index)
+{
+    return setting_text(options, "dds.interfaces", index);
+}
+
 const char* dds_config_environment(const transport_options* options)
 {
     const char* environment = getenv("CYCLONEDDS_URI");
     const bool  given = environment != NULL && environment[0] != '\0';
-    return given && options->dds_interface_count == 0 ? environment : NULL;
+    return given && interface_at(options, 0) == NULL ? environment : NULL;
 }
 
 bool dds_config_write(const transport_options* options, uint32_t domain, char* bytes, size_t size,
@@ -53,7 +88,8 @@ bool dds_config_write(const transport_options* options, uint32_t domain, char* b
     put_discovery(&self, options, domain, theirs);
     // Closing waits this long for listeners that do not acknowledge: a daemon ends within a second.
     put(&self, "<Internal><WriterLingerDuration>200ms</WriterLingerDuration></Internal>");
-    if (options->dds_security != NULL && !theirs) { // dds.c reads there who has no certificate
+    if (setting_count(options, "dds.security.key") > 0 && !theirs) {
+        // dds.c reads there who has no certificate.
         put(&self, "<Tracing><Category>discovery</Category><OutputFile>stderr</OutputFile>"
                    "</Tracing>");
     }
@@ -101,15 +137,15 @@ static bool is_address(const char* interface)
 /// Data by unicast: a plan is for one vehicle, and radio links lose multicasts.
 static void put_interfaces(text* self, const transport_options* options)
 {
-    static const char* const loopback[] = { "lo" };
-    const bool               given = options->dds_interface_count > 0;
-    const char* const*       interfaces = given ? options->dds_interfaces : loopback;
-    const uint32_t           count = given ? options->dds_interface_count : 1;
     put(self, "<General><Interfaces>");
-    for (uint32_t i = 0; i < count; ++i) {
-        put(self, "<NetworkInterface %s=\"", is_address(interfaces[i]) ? "address" : "name");
-        put_escaped(self, interfaces[i]);
+    const char* interface;
+    for (uint32_t i = 0; (interface = interface_at(options, i)) != NULL; ++i) {
+        put(self, "<NetworkInterface %s=\"", is_address(interface) ? "address" : "name");
+        put_escaped(self, interface);
         put(self, "\"/>");
+    }
+    if (interface_at(options, 0) == NULL) {
+        put(self, "<NetworkInterface name=\"lo\"/>");
     }
     put(self, "</Interfaces><AllowMulticast>spdp</AllowMulticast></General>");
 }
@@ -122,12 +158,13 @@ static bool is_loopback(const char* interface)
 /// Is the loopback interface among those in use?
 static bool on_loopback(const transport_options* options)
 {
-    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
-        if (is_loopback(options->dds_interfaces[i])) {
+    const char* interface;
+    for (uint32_t i = 0; (interface = interface_at(options, i)) != NULL; ++i) {
+        if (is_loopback(interface)) {
             return true;
         }
     }
-    return options->dds_interface_count == 0;
+    return interface_at(options, 0) == NULL;
 }
 
 /// ExternalDomainId: in this process a domain has a number of its own, see dds.c.
@@ -140,18 +177,19 @@ static void put_discovery(text* self, const transport_options* options, uint32_t
                   "<MaxAutoParticipantIndex>31</MaxAutoParticipantIndex>"
                   "<SPDPInterval>1s</SPDPInterval>");
     }
-    if (!theirs || options->dds_peer_count > 0) {
+    const uint32_t peers = setting_count(options, "dds.peers");
+    if (!theirs || peers > 0) {
         put(self, "<Peers>");
     }
     if (!theirs && on_loopback(options)) {
         put(self, "<Peer address=\"127.0.0.1\"/>");
     }
-    for (uint32_t i = 0; i < options->dds_peer_count; ++i) {
+    for (uint32_t i = 0; i < peers; ++i) {
         put(self, "<Peer address=\"");
-        put_escaped(self, options->dds_peers[i]);
+        put_escaped(self, setting_text(options, "dds.peers", i));
         put(self, "\"/>");
     }
-    if (!theirs || options->dds_peer_count > 0) {
+    if (!theirs || peers > 0) {
         put(self, "</Peers>");
     }
     put(self, "</Discovery>");
@@ -159,9 +197,10 @@ static void put_discovery(text* self, const transport_options* options, uint32_t
 
 bool dds_config_leaves(const transport_options* options, char* interface, size_t size)
 {
-    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
-        if (!is_loopback(options->dds_interfaces[i])) {
-            snprintf(interface, size, "interface %s", options->dds_interfaces[i]);
+    const char* one;
+    for (uint32_t i = 0; (one = interface_at(options, i)) != NULL; ++i) {
+        if (!is_loopback(one)) {
+            snprintf(interface, size, "interface %s", one);
             return true;
         }
     }
@@ -174,12 +213,13 @@ bool dds_config_leaves(const transport_options* options, char* interface, size_t
 static bool interfaces_check(const transport_options* options, uint32_t domain, char* error,
                              size_t error_size)
 {
-    for (uint32_t i = 0; i < options->dds_interface_count; ++i) {
+    const char* interface;
+    for (uint32_t i = 0; (interface = interface_at(options, i)) != NULL; ++i) {
         char name[IF_NAMESIZE], names[256];
-        if (!interface_known(options->dds_interfaces[i], name, names, sizeof names)) {
+        if (!interface_known(interface, name, names, sizeof names)) {
             snprintf(error, error_size,
                      "dds:%u: this machine has no interface \"%.64s\" (dds.interfaces), expected "
-                     "one of:%s", (unsigned)domain, options->dds_interfaces[i], names);
+                     "one of:%s", (unsigned)domain, interface, names);
             return false;
         }
     }
@@ -232,10 +272,11 @@ uint32_t dds_config_interfaces(const transport_options* options,
     if (dds_config_environment(options) != NULL) {
         return 0;
     }
-    uint32_t count = 0;
-    for (; count < options->dds_interface_count && count < DDS_INTERFACES_MAX; ++count) {
+    uint32_t    count = 0;
+    const char* interface;
+    while (count < DDS_INTERFACES_MAX && (interface = interface_at(options, count)) != NULL) {
         char all[256];
-        (void)interface_known(options->dds_interfaces[count], names[count], all, sizeof all);
+        (void)interface_known(interface, names[count++], all, sizeof all);
     }
     if (count == 0) {
         strcpy(names[count++], "lo");

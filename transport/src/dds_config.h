@@ -17,7 +17,12 @@ enum {
     DDS_CONFIG_SIZE = 16384,
     DDS_DOMAIN_MAX = 230, // the last whose ports are below 65536
     DDS_INTERFACES_MAX = 8,
+    DDS_PEERS_MAX = 32,
+    DDS_SETTINGS = 10,
 };
+
+/// The settings "dds.interfaces", "dds.security" and so on.
+extern const transport_setting_def dds_settings[DDS_SETTINGS];
 
 /// Writes the configuration of the domain, a text for dds_create_domain(). False: error has a line.
 bool dds_config_write(const transport_options* options, uint32_t domain, char* text, size_t size,

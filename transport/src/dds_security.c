@@ -1,6 +1,7 @@
 #include "dds_security.h"
 
 #include "secret.h"
+#include "settings.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -14,6 +15,20 @@ typedef struct report {
     const char* field;
     const char* path;
 } report;
+
+const dds_security_files* dds_security_asked(const transport_options* options,
+                                             dds_security_files* files)
+{
+    *files = (dds_security_files){
+        .identity_ca = setting_text(options, "dds.security.identity_ca", 0),
+        .certificate = setting_text(options, "dds.security.certificate", 0),
+        .key = setting_text(options, "dds.security.key", 0),
+        .permissions_ca = setting_text(options, "dds.security.permissions_ca", 0),
+        .governance = setting_text(options, "dds.security.governance", 0),
+        .permissions = setting_text(options, "dds.security.permissions", 0),
+    };
+    return files->key != NULL ? files : NULL;
+}
 
 static bool fail(const report* to, const char* format, ...)
     __attribute__((format(printf, 2, 3)));
@@ -56,7 +71,7 @@ typedef struct papers {
     time_t    granted_until;
 } papers;
 
-static bool papers_check(papers* self, const transport_dds_security* files, char* error,
+static bool papers_check(papers* self, const dds_security_files* files, char* error,
                          size_t error_size);
 static void papers_free(papers* self);
 static bool certificate_read(X509** certificate, const report* to);
@@ -64,7 +79,7 @@ static bool key_read(EVP_PKEY** key, const report* to);
 static bool document_read(BIO** text, X509* authority, const report* to);
 static bool grant_check(papers* self, const report* to);
 
-bool dds_security_check(const transport_dds_security* files, char* error, size_t error_size)
+bool dds_security_check(const dds_security_files* files, char* error, size_t error_size)
 {
     papers     self = { .key = NULL };
     const bool good = papers_check(&self, files, error, error_size);
@@ -83,7 +98,7 @@ static void papers_free(papers* self)
     ERR_clear_error();
 }
 
-static bool papers_check(papers* self, const transport_dds_security* files, char* error,
+static bool papers_check(papers* self, const dds_security_files* files, char* error,
                          size_t error_size)
 {
     const report identity_ca = { error, error_size, "identity_ca", files->identity_ca };
@@ -341,7 +356,7 @@ static time_t certificate_end(const X509* certificate)
     return ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &parts) == 1 ? timegm(&parts) : 0;
 }
 
-bool dds_security_expires(const transport_dds_security* files, int64_t* utime, char* words,
+bool dds_security_expires(const dds_security_files* files, int64_t* utime, char* words,
                           size_t words_size)
 {
     papers     self = { .key = NULL };
@@ -396,7 +411,7 @@ static const char* rule_lax(const char* governance)
     return NULL;
 }
 
-bool dds_security_lax(const transport_dds_security* files, char* words, size_t words_size)
+bool dds_security_lax(const dds_security_files* files, char* words, size_t words_size)
 {
     papers      self = { .key = NULL };
     const char* lax = NULL;
@@ -415,7 +430,7 @@ bool dds_security_lax(const transport_dds_security* files, char* words, size_t w
 
 #else
 
-bool dds_security_expires(const transport_dds_security* files, int64_t* utime, char* words,
+bool dds_security_expires(const dds_security_files* files, int64_t* utime, char* words,
                           size_t words_size)
 {
     (void)files;
@@ -425,7 +440,7 @@ bool dds_security_expires(const transport_dds_security* files, int64_t* utime, c
     return false;
 }
 
-bool dds_security_lax(const transport_dds_security* files, char* words, size_t words_size)
+bool dds_security_lax(const dds_security_files* files, char* words, size_t words_size)
 {
     (void)files;
     (void)words;
@@ -433,7 +448,7 @@ bool dds_security_lax(const transport_dds_security* files, char* words, size_t w
     return false;
 }
 
-bool dds_security_check(const transport_dds_security* files, char* error, size_t error_size)
+bool dds_security_check(const dds_security_files* files, char* error, size_t error_size)
 {
     const report key = { error, error_size, "key", files->key };
     const int    fd = key_open(&key);

@@ -21,6 +21,7 @@
 #include "complaints.h"
 #include "lcm_auth.h"
 #include "lcm_event.h"
+#include "settings.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -92,7 +93,7 @@ static int lcm_open(void** self, const char* rest, unsigned receive,
         snprintf(error, error_size, "lcm:%s: out of memory", rest);
         return TRANSPORT_UNAVAILABLE;
     }
-    if (!lcm_auth_init(&made->auth, options->lcm_auth, error, error_size)) {
+    if (!lcm_auth_init(&made->auth, options, error, error_size)) {
         free(made);
         return TRANSPORT_BAD_URL;
     }
@@ -438,7 +439,7 @@ static void interface_of(const struct sockaddr_in* group, char best[INTERFACE_SI
 
 static bool lcm_secured(const transport_options* options)
 {
-    return options->lcm_auth != NULL && options->lcm_auth->key_count > 0;
+    return setting_count(options, "lcm.keys.id") > 0;
 }
 
 /// Two things are needed for a bus on this machine alone: a ttl of 0, which keeps our datagrams
@@ -506,6 +507,9 @@ static void complain(lcm* self, transport_refusal refusal, uint64_t sender)
 
 const backend backend_lcm = {
     .scheme = "lcm:",
+    .form = "lcm:udpm://ADDRESS:PORT?ttl=N",
+    .settings = lcm_auth_settings,
+    .setting_count = LCM_AUTH_SETTINGS,
     .open = lcm_open,
     .close = lcm_close,
     .fd = lcm_fd,

@@ -2,6 +2,7 @@
 
 #include "codec.h"
 #include "secret.h"
+#include "settings.h"
 
 #include <arpa/inet.h>
 #include <assert.h>
@@ -22,9 +23,9 @@ static const uint32_t magic = 0x56474831; // "VGH1"
 
 enum { KEY_SIZE_MIN = 32 }; // [B] as long as the hash: shorter ones weaken it (RFC 2104)
 
-static bool networks_read(lcm_auth* self, const transport_lcm_auth* asked, char* error,
+static bool networks_read(lcm_auth* self, const transport_options* options, char* error,
                           size_t error_size);
-static bool keys_read(lcm_auth* self, const transport_lcm_auth* asked, char* error,
+static bool keys_read(lcm_auth* self, const transport_options* options, char* error,
                       size_t error_size);
 static bool key_read(lcm_auth_key* key, const char* path, char* error, size_t error_size);
 static const lcm_auth_key* key_of(const lcm_auth* self, uint32_t id);
@@ -43,33 +44,43 @@ static bool fail(char* error, size_t error_size, const char* format, ...)
     return false;
 }
 
-bool lcm_auth_init(lcm_auth* self, const transport_lcm_auth* asked, char* error,
+const transport_setting_def lcm_auth_settings[LCM_AUTH_SETTINGS] = {
+    { .name = "lcm.allow", .kind = TRANSPORT_SETTING_TEXT, .list_max = LCM_AUTH_NETWORKS_MAX,
+      .text = "networks (10.1.0.0/16) or addresses from which messages are accepted; empty: any "
+              "address" },
+    { .name = "lcm.keys", .kind = TRANSPORT_SETTING_GROUP, .list_max = LCM_AUTH_KEYS_MAX,
+      .text = "each message must be signed with one of these keys; empty: unsigned messages are "
+              "accepted" },
+    { .name = "lcm.keys.id", .kind = TRANSPORT_SETTING_NUMBER, .min = 1, .max = INT32_MAX,
+      .text = "number of the key, contained in each message" },
+    { .name = "lcm.keys.file", .kind = TRANSPORT_SETTING_FILE,
+      .text = "file with 64 to 128 hexadecimal digits, readable by its owner only (mode 0600)" },
+    { .name = "lcm.sign_with", .kind = TRANSPORT_SETTING_NUMBER, .min = 1, .max = INT32_MAX,
+      .text = "id of the key that signs the messages of this unit; absent: they are not signed" },
+    { .name = "lcm.window_ms", .kind = TRANSPORT_SETTING_NUMBER, .min = 10, .max = 60000,
+      .preset = "1000", .unit = "ms",
+      .text = "largest age of a signed message, and largest difference of clocks" },
+};
+
+bool lcm_auth_init(lcm_auth* self, const transport_options* options, char* error,
                    size_t error_size)
 {
     memset(self, 0, sizeof *self);
-    if (asked == NULL) {
-        return true;
-    }
-    const uint32_t window =
-        asked->window_ms != 0 ? asked->window_ms : TRANSPORT_LCM_WINDOW_MS_DEFAULT;
-    if (window < TRANSPORT_LCM_WINDOW_MS_MIN || window > TRANSPORT_LCM_WINDOW_MS_MAX) {
-        return fail(error, error_size, "lcm.window_ms: is %u, expected %d to %d", window,
-                    TRANSPORT_LCM_WINDOW_MS_MIN, TRANSPORT_LCM_WINDOW_MS_MAX);
-    }
-    self->window_us = (int64_t)window * 1000;
-    if (!networks_read(self, asked, error, error_size) ||
-        !keys_read(self, asked, error, error_size)) {
+    self->window_us = (int64_t)setting_number(options, "lcm.window_ms", 0) * 1000;
+    if (!networks_read(self, options, error, error_size) ||
+        !keys_read(self, options, error, error_size)) {
         lcm_auth_wipe(self);
         return false;
     }
-    if (asked->sign_with == 0) {
+    const uint32_t sign_with = setting_number(options, "lcm.sign_with", 0);
+    if (sign_with == 0) {
         return true;
     }
-    self->own_key = key_of(self, asked->sign_with);
+    self->own_key = key_of(self, sign_with);
     if (self->own_key == NULL) {
         lcm_auth_wipe(self);
         return fail(error, error_size, "lcm.sign_with: is %u, expected the id of one of lcm.keys",
-                    asked->sign_with);
+                    sign_with);
     }
     if (getrandom(&self->own_sender, sizeof self->own_sender, 0) !=
         (ssize_t)sizeof self->own_sender) {
@@ -239,44 +250,40 @@ static bool network_parse(lcm_auth_network* network, const char* text)
     return (network->address & ~network->mask) == 0;
 }
 
-static bool networks_read(lcm_auth* self, const transport_lcm_auth* asked, char* error,
+static bool networks_read(lcm_auth* self, const transport_options* options, char* error,
                           size_t error_size)
 {
-    if (asked->allow_count > TRANSPORT_LCM_NETWORKS_MAX) {
-        return fail(error, error_size, "lcm.allow: has %u networks, expected at most %d",
-                    asked->allow_count, TRANSPORT_LCM_NETWORKS_MAX);
-    }
-    for (uint32_t i = 0; i < asked->allow_count; ++i) {
-        if (!network_parse(&self->networks[i], asked->allow[i])) {
+    const uint32_t count = setting_count(options, "lcm.allow");
+    assert(count <= LCM_AUTH_NETWORKS_MAX);
+    for (uint32_t i = 0; i < count; ++i) {
+        const char* network = setting_text(options, "lcm.allow", i);
+        if (!network_parse(&self->networks[i], network)) {
             return fail(error, error_size,
                         "lcm.allow[%u]: is \"%.40s\", expected a network such as 10.1.0.0/16, "
-                        "with no bit set behind its prefix, or an address",
-                        i, asked->allow[i]);
+                        "with no bit set behind its prefix, or an address", i, network);
         }
     }
-    self->network_count = asked->allow_count;
+    self->network_count = count;
     return true;
 }
 
-static bool keys_read(lcm_auth* self, const transport_lcm_auth* asked, char* error,
+static bool keys_read(lcm_auth* self, const transport_options* options, char* error,
                       size_t error_size)
 {
-    if (asked->key_count > 0 && !hmac_available()) {
+    const uint32_t count = setting_count(options, "lcm.keys.id");
+    assert(count <= LCM_AUTH_KEYS_MAX && count == setting_count(options, "lcm.keys.file"));
+    if (count > 0 && !hmac_available()) {
         return fail(error, error_size, "lcm.keys: this build has no OpenSSL, expected none; "
                                        "VERGE_OPENSSL=ON builds with it");
     }
-    if (asked->key_count > TRANSPORT_LCM_KEYS_MAX) {
-        return fail(error, error_size, "lcm.keys: has %u keys, expected at most %d",
-                    asked->key_count, TRANSPORT_LCM_KEYS_MAX);
-    }
-    for (uint32_t i = 0; i < asked->key_count; ++i) {
-        const uint32_t id = asked->keys[i].id;
-        if (id == 0 || key_of(self, id) != NULL) {
-            return fail(error, error_size, "lcm.keys[%u].id: is %u, expected %s", i, id,
-                        id == 0 ? "1 or more" : "an id of its own");
+    for (uint32_t i = 0; i < count; ++i) {
+        const uint32_t id = setting_number(options, "lcm.keys.id", i);
+        if (key_of(self, id) != NULL) {
+            return fail(error, error_size, "lcm.keys[%u].id: is %u, expected an id of its own", i,
+                        id);
         }
         const int named = snprintf(error, error_size, "lcm.keys[%u].file: ", i);
-        if (!key_read(&self->keys[i], asked->keys[i].file, error + named,
+        if (!key_read(&self->keys[i], setting_text(options, "lcm.keys.file", i), error + named,
                       error_size - (size_t)named)) {
             return false;
         }

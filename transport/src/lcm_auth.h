@@ -24,7 +24,13 @@ enum {
     LCM_AUTH_TRAILER_SIZE = 40,
     LCM_AUTH_CODE_SIZE = 16,    // of the HMAC
     LCM_AUTH_SENDERS_MAX = 256, // within a window; only who has a key can be one
+    LCM_AUTH_NETWORKS_MAX = 32,
+    LCM_AUTH_KEYS_MAX = 16,
+    LCM_AUTH_SETTINGS = 6,
 };
+
+/// The settings "lcm.allow", "lcm.keys" and so on.
+extern const transport_setting_def lcm_auth_settings[LCM_AUTH_SETTINGS];
 
 typedef struct lcm_auth_network {
     uint32_t address, mask; // host byte order
@@ -43,9 +49,9 @@ typedef struct lcm_auth_sender {
 
 /// All zero: everybody is heard, nothing is signed.
 typedef struct lcm_auth {
-    lcm_auth_network networks[TRANSPORT_LCM_NETWORKS_MAX];
+    lcm_auth_network networks[LCM_AUTH_NETWORKS_MAX];
     uint32_t         network_count; // 0: any address
-    lcm_auth_key     keys[TRANSPORT_LCM_KEYS_MAX];
+    lcm_auth_key     keys[LCM_AUTH_KEYS_MAX];
     uint32_t         key_count;     // 0: unsigned messages are heard
     int64_t          window_us;
     // Sending.
@@ -56,9 +62,9 @@ typedef struct lcm_auth {
     lcm_auth_sender  senders[LCM_AUTH_SENDERS_MAX];
 } lcm_auth;
 
-/// Reads the key files. asked may be null. False: error holds one line that begins with the
-/// field's name. The struct must not be moved afterwards.
-bool lcm_auth_init(lcm_auth* self, const transport_lcm_auth* asked, char* error,
+/// Reads the key files that the options name. False: error holds one line that begins with the
+/// setting's name. The struct must not be moved afterwards.
+bool lcm_auth_init(lcm_auth* self, const transport_options* options, char* error,
                    size_t error_size);
 void lcm_auth_wipe(lcm_auth* self);
 

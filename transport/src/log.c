@@ -327,6 +327,7 @@ static bool event_holds_another(log_file* self, int64_t start, int64_t end)
 
 const backend backend_log = {
     .scheme = "log:",
+    .form = "log:FILE",
     .open = log_open,
     .close = log_close,
     .ended = log_ended,

@@ -157,6 +157,7 @@ static void deliver(end* to, uint64_t sender, const transport_message* message)
 
 const backend backend_loop = {
     .scheme = "loop:",
+    .form = "loop:NAME",
     .open = loop_open,
     .close = loop_close,
     .fd = loop_fd,

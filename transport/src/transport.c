@@ -3,6 +3,7 @@
 
 #include "backend.h"
 #include "codec.h"
+#include "settings.h"
 #include "verge/message.h"
 
 #include <assert.h>
@@ -27,13 +28,10 @@ struct transport {
 static bool admit(transport* bus, transport_message* message);
 static int  publish(transport* bus, int64_t utime, transport_kind kind, const void* value);
 
-#define EXPECTED_URL "expected lcm:udpm://ADDRESS:PORT?ttl=N, dds:N, loop:NAME or log:FILE"
-
-static const backend* const backends[] = {
-    &backend_lcm, &backend_loop, &backend_log,
-#ifdef VERGE_DDS
-    &backend_dds,
-#endif
+const backend* const backend_list[] = {
+#define BUS(name) &backend_##name,
+#include "buses.def"
+    NULL,
 };
 static pthread_once_t       prepared = PTHREAD_ONCE_INIT;
 
@@ -45,22 +43,34 @@ static bool begins_with(const char* url, const char* scheme)
 /// The bus a URL begins like; null: none.
 static const backend* backend_of(const char* url)
 {
-    for (size_t i = 0; i < sizeof backends / sizeof backends[0]; ++i) {
-        if (begins_with(url, backends[i]->scheme)) {
-            return backends[i];
+    for (const backend* const* bus = backend_list; *bus != NULL; ++bus) {
+        if (begins_with(url, (*bus)->scheme)) {
+            return *bus;
         }
     }
     return NULL;
 }
 
+static char unknown_bus[256];
+
+/// The line that names the buses of this build; one thread writes it, once.
+static void unknown_bus_write(void)
+{
+    size_t used = (size_t)snprintf(unknown_bus, sizeof unknown_bus,
+                                   "unknown bus, or left out of this build, expected");
+    for (const backend* const* bus = backend_list; *bus != NULL; ++bus) {
+        const char* before = bus == backend_list ? "" : bus[1] == NULL ? " or" : ",";
+        used = used < sizeof unknown_bus ? used : sizeof unknown_bus;
+        used += (size_t)snprintf(unknown_bus + used, sizeof unknown_bus - used, "%s %s", before,
+                                 (*bus)->form);
+    }
+}
+
 const char* transport_url_fault(const char* url)
 {
-    if (backend_of(url) != NULL) {
-        return NULL;
-    }
-    return begins_with(url, "dds:")
-               ? "this build has no DDS (cmake -DVERGE_DDS=ON), expected another bus"
-               : "unknown bus, " EXPECTED_URL;
+    static pthread_once_t written = PTHREAD_ONCE_INIT;
+    pthread_once(&written, unknown_bus_write);
+    return backend_of(url) != NULL ? NULL : unknown_bus;
 }
 
 int transport_open(transport** bus, const char* url, unsigned receive, char* error,
@@ -81,6 +91,10 @@ int transport_open_with(transport** bus, const char* url, unsigned receive,
         snprintf(error, error_size, "%s: %s", url, transport_url_fault(url));
         return TRANSPORT_BAD_URL;
     }
+    options = options != NULL ? options : &defaults;
+    if (!settings_check(options, error, error_size)) {
+        return TRANSPORT_BAD_URL;
+    }
     transport* made = calloc(1, sizeof *made);
     if (made == NULL) {
         snprintf(error, error_size, "%s: out of memory", url);
@@ -89,8 +103,7 @@ int transport_open_with(transport** bus, const char* url, unsigned receive,
     made->bus = of;
     made->receive = receive;
     const int result = of->open(&made->self, url + strlen(of->scheme), receive,
-                                options != NULL ? options : &defaults, &made->counts, error,
-                                error_size);
+                                options, &made->counts, error, error_size);
     if (result != TRANSPORT_OK) {
         free(made);
         return result;

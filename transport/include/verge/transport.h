@@ -50,56 +50,47 @@ extern "C" {
 
 typedef struct transport transport;
 
-/// DDS Security: paths of PEM and signed XML files. All six, or none.
-typedef struct transport_dds_security {
-    const char *identity_ca, *certificate, *key, *permissions_ca, *governance, *permissions;
-} transport_dds_security;
+/// One setting of a bus beyond its URL, by name: { "dds.interfaces", "eth1" }. A list is several
+/// settings of one name, in order. In a list of objects each member is such a list: the first
+/// "lcm.keys.id" belongs to the first "lcm.keys.file".
+typedef struct transport_setting {
+    const char *name, *value;
+} transport_setting;
 
-enum {
-    TRANSPORT_LCM_KEYS_MAX = 16,
-    TRANSPORT_LCM_NETWORKS_MAX = 32,
-    TRANSPORT_LCM_WINDOW_MS_MIN = 10,
-    TRANSPORT_LCM_WINDOW_MS_MAX = 60000,
-    TRANSPORT_LCM_WINDOW_MS_DEFAULT = 1000,
-};
-
-/// A key that those on an lcm: bus share: 64 to 128 hexadecimal digits in a file that nobody but
-/// its owner may read.
-typedef struct transport_lcm_key {
-    uint32_t    id;   ///< 1 or more; the same for the same key at every end
-    const char* file; ///< path
-} transport_lcm_key;
-
-/// Who is heard on an lcm: bus. With keys only messages are handed out that were signed with one
-/// of them (HMAC-SHA256), lately, and not heard before. All who share a key can speak for each
-/// other; who has none reads signed messages like any others. The format: transport/src/lcm_auth.h.
-typedef struct transport_lcm_auth {
-    const char* const*       allow; ///< source networks such as "10.1.0.0/16"; none: any address
-    uint32_t                 allow_count;
-    const transport_lcm_key* keys;  ///< none: unsigned messages are handed out
-    uint32_t                 key_count;
-    uint32_t                 sign_with; ///< id of the key to sign with; 0: sign nothing
-    uint32_t                 window_ms; ///< [ms] age a message may have, and skew of clocks;
-                                        ///< 0: TRANSPORT_LCM_WINDOW_MS_DEFAULT
-} transport_lcm_auth;
-
-/// What a bus needs beyond its URL. All zero: the defaults. Strings and arrays are copied: they
-/// need to live until transport_open_with() returns.
+/// What a bus needs beyond its URL. All zero: the presets. One set of options serves every bus of a
+/// program: each takes its own settings. Strings and arrays are copied: they need to live until
+/// transport_open_with() returns.
 typedef struct transport_options {
-    const char* const* dds_interfaces; ///< none: CYCLONEDDS_URI's choice if set, else loopback only
-    uint32_t           dds_interface_count;
-    const char* const* dds_peers; ///< hosts to look for besides those multicast finds
-    uint32_t           dds_peer_count;
-    /// [ms] 0: none. Asked of every sender of states on dds:, and each lapse is counted and told;
-    /// a sender that does not promise it is not heard.
-    uint32_t           dds_deadline_ms;
-    const transport_dds_security*    dds_security; ///< null: clear DDS
-    const transport_lcm_auth*        lcm_auth;     ///< null: anyone
+    const transport_setting* settings;
+    uint32_t                 setting_count;
     /// Complaints of the bus or its middleware, one line each, rate-limited; from within
     /// transport_drain(). May be null. log_context lives as long as the bus.
     void (*log)(void* context, const char* line);
     void* log_context;
 } transport_options;
+
+typedef enum transport_setting_kind {
+    TRANSPORT_SETTING_TEXT,
+    TRANSPORT_SETTING_FILE,   ///< the path of a file
+    TRANSPORT_SETTING_NUMBER, ///< a whole number in decimal digits
+    TRANSPORT_SETTING_GROUP,  ///< no value: an object, or a list of objects, whose members follow
+                              ///< in the table; all members of an object are given, or none
+} transport_setting_kind;
+
+/// What a setting is, for programs that read settings from a file.
+typedef struct transport_setting_def {
+    const char*            name;     ///< "BUS.KEY", of a member of an object "BUS.KEY.MEMBER"
+    transport_setting_kind kind;
+    uint32_t               list_max; ///< KEY is a list of at most so many; 0: it is no list
+    uint32_t               min, max; ///< of a number, both included
+    const char*            preset;   ///< what holds where nothing is given; null: nothing
+    const char*            unit;     ///< null: none
+    const char*            text;     ///< what it means
+} transport_setting_def;
+
+/// The settings of all buses that are built in, those of a bus together. Null: index is beyond the
+/// last. Static lifetime.
+const transport_setting_def* transport_setting_at(uint32_t index);
 
 typedef enum transport_kind {
     TRANSPORT_NONE = 0,

@@ -1,7 +1,7 @@
 /// verge-bench: how fast the search, the sampler and whole cycles are; one JSON document.
 ///
-/// Search and sampler are measured below the planner's interface, so that each figure stands for
-/// one thing; cycles are whole calls of verge_planner_step(). Times are CPU times of this thread:
+/// Search and sampler are measured as stages, so that each figure stands for one thing:
+/// verge_decide() and verge_plan_vehicle(); cycles are whole calls of verge_planner_step(). Times are CPU times of this thread:
 /// other load on the machine moves them less than wall time, but it still moves them. What does
 /// not move is instructions: tools/bench-instructions counts them and hands them in.
 #include "common/data.h"
@@ -10,9 +10,7 @@
 #include "common/scenario.h"
 #include "common/world.h"
 
-#include "decide/mcts.h"
-#include "motion/predict.h"
-#include "motion/sampler.h"
+#include "base/random.h"
 
 #include <errno.h>
 #include <math.h>
@@ -22,20 +20,21 @@
 
 enum { humans = 4, iterations = 3000, lane_total = 4, cycles_max = 400 };
 
-// Random four-lane freeway scenes: everyone planned wants one lane change, the rest drive on.
+// Random four-lane freeway scenes: every controlled vehicle wants one lane change, the rest drive on.
 typedef struct bench_scene {
-    verge_planner_def def;
-    void*        memory;
-    verge_road*  road;
-    vg_tree*     tree;
-    vg_pairs     sight;
-    vg_model     scene;
-    vg_flow      root;
-    vg_decision  decision;
-    vg_tracks    tracks;
-    verge_vehicle vehicles[VERGE_VEHICLES_MAX];
-    vg_placed    placed[VERGE_VEHICLES_MAX];
-    vg_workspace* workspace;
+    verge_planner_def  def;
+    const verge_road*  road;
+    verge_decider*     decider;
+    verge_predictor*   predictor;
+    verge_sampler*     sampler;
+    void*              memory[4];  // of the four above
+    verge_vehicle      vehicles[VERGE_VEHICLES_MAX];
+    verge_lane_position positions[VERGE_VEHICLES_MAX];
+    verge_scene        scene;      // with the two arrays above
+    verge_vehicle_decision decisions[VERGE_CONTROLLED_MAX];
+    verge_decision     decision;   // with the array above
+    verge_track        bodies[VERGE_VEHICLES_MAX];
+    verge_tracks       tracks;     // with the array above
 } bench_scene;
 
 typedef struct settings {
@@ -49,13 +48,16 @@ typedef struct settings {
     bool        seeded;        // then also of the cycle scenarios
 } settings;
 
-static bool   open_scene(bench_scene* self);
+static bool   open_scene(bench_scene* self, const settings* with);
+static void   close_scene(bench_scene* self);
+static void   decide(bench_scene* self, uint32_t number);
 static void   fill_scene(bench_scene* self, uint32_t planned, uint64_t seed, uint32_t number);
 static void   bench_search(bench_scene* self, const settings* with);
 static void   bench_sampler(bench_scene* self, const settings* with);
 static bool   cycle_scenarios_load(const settings* with);
 static void   bench_cycles(const settings* with);
 static int    print_document(bench_scene* self, const settings* with);
+static bool   only_search_holds(const settings* with);
 static int    count_only(bench_scene* self, const settings* with);
 static void   print_machine(void);
 
@@ -103,7 +105,10 @@ int main(int argc, char** argv)
         return 2;
     }
     static bench_scene scene;
-    if (!open_scene(&scene)) {
+    if (with.only && !only_search_holds(&with)) {
+        return 2;
+    }
+    if (!open_scene(&scene, &with)) {
         fputs("verge-bench:memory: there is not enough of it\n", stderr);
         return 1;
     }
@@ -114,7 +119,7 @@ int main(int argc, char** argv)
         return 2;
     }
     status = print_document(&scene, &with);
-    free(scene.memory);
+    close_scene(&scene);
     return status;
 }
 
@@ -154,7 +159,7 @@ static void print_machine(void)
 
 // ---------------------------------------------------------------------------- scenes
 
-static bool open_scene(bench_scene* self)
+static bool open_scene(bench_scene* self, const settings* with)
 {
     static const double lines[lane_total][2][2] = { { { 0, 0 }, { 1000, 0 } },
                                                     { { 0, 4 }, { 1000, 4 } },
@@ -169,30 +174,42 @@ static bool open_scene(bench_scene* self)
     }
     const verge_road_def road = { lanes, lane_total };
     self->def = verge_planner_default_def();
-    self->def.iterations = iterations;
-    const size_t scratch_size = vg_road_scratch_size(&road);
-    const size_t size = ((size_t)32 << 20) + scratch_size;
-    self->memory = aligned_alloc(VG_ARENA_ALIGN, size / VG_ARENA_ALIGN * VG_ARENA_ALIGN);
-    void* fit = aligned_alloc(VG_ARENA_ALIGN, (scratch_size / VG_ARENA_ALIGN + 1) * VG_ARENA_ALIGN);
-    if (self->memory == NULL || fit == NULL) {
-        return false;
+    self->def.seed = with->seed;
+    self->def.iterations = with->only ? (uint32_t)with->only_iterations : iterations;
+    self->scene = (verge_scene){ .vehicles_max = VERGE_VEHICLES_MAX, .vehicles = self->vehicles,
+                                 .positions = self->positions };
+    self->decision = (verge_decision){ .vehicles_max = VERGE_CONTROLLED_MAX,
+                                       .vehicles = self->decisions };
+    self->tracks = (verge_tracks){ .tracks_max = VERGE_VEHICLES_MAX, .of = self->bodies };
+    const size_t sizes[4] = { verge_road_memory_size(&road, NULL), verge_decider_memory_size(&self->def),
+                              verge_predictor_memory_size(&self->def),
+                              verge_sampler_memory_size(&self->def) };
+    for (int i = 0; i < 4; ++i) {
+        self->memory[i] = aligned_alloc(64, (sizes[i] + 63) / 64 * 64);
     }
-    vg_arena arena, scratch;
-    vg_arena_init(&arena, self->memory, size);
-    vg_arena_init(&scratch, fit, scratch_size);
-    self->road = vg_road_build(&arena, &scratch, &road);
-    self->tree = vg_tree_take(&arena, &self->def);
-    self->workspace = vg_arena_take(&arena, vg_workspace_size());
-    free(fit);
-    return self->road != NULL && self->tree != NULL && self->workspace != NULL;
+    void* const* memory = self->memory;
+    const bool good =
+        verge_road_init(&self->road, &road, memory[0], sizes[0]) == VERGE_OK
+        && verge_decider_init(&self->decider, &self->def, memory[1], sizes[1]) == VERGE_OK
+        && verge_predictor_init(&self->predictor, &self->def, memory[2], sizes[2]) == VERGE_OK
+        && verge_sampler_init(&self->sampler, &self->def, memory[3], sizes[3]) == VERGE_OK;
+    self->scene.road = self->road;
+    return good;
 }
 
-static bool crowded(const bench_scene* self, uint32_t count)
+static void close_scene(bench_scene* self)
 {
-    const vg_placed* last = &self->placed[count];
+    for (int i = 0; i < 4; ++i) {
+        free(self->memory[i]);
+    }
+}
+
+static bool crowded(const verge_vehicle* vehicles, uint32_t count)
+{
+    const verge_vehicle* last = &vehicles[count];
     for (uint32_t j = 0; j < count; ++j) {
-        const double ds = self->placed[j].s - last->s;
-        if (self->placed[j].lane == last->lane && ds < 10.0 && ds > -10.0) {
+        const double ds = vehicles[j].x - last->x;
+        if (vehicles[j].y == last->y && ds < 10.0 && ds > -10.0) {
             return true;
         }
     }
@@ -202,30 +219,34 @@ static bool crowded(const bench_scene* self, uint32_t count)
 // Scene number so and so of a seed.
 static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed, uint32_t number)
 {
+    static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     vg_random random = vg_random_from(number, 6 + seed);
     const uint32_t count = planned + humans;
     for (uint32_t i = 0; i < count; ++i) {
-        verge_vehicle* v = &self->vehicles[i];
-        vg_placed* at = &self->placed[i];
-        do {
-            *at = (vg_placed){ .on_road = true,
-                               .lane = vg_random_below(&random, lane_total),
-                               .s = 100.0 + 0.1 * vg_random_below(&random, 1000) };
-        } while (crowded(self, i));
+        verge_vehicle* v = &vehicles[i];
+        uint32_t lane = 0;
         *v = verge_vehicle_default();
+        do {
+            lane = vg_random_below(&random, lane_total);
+            v->x = 100.0 + 0.1 * vg_random_below(&random, 1000);
+            v->y = 4.0 * (double)lane;
+        } while (crowded(vehicles, i));
         v->id = (int32_t)i;
         v->controlled = i < planned;
-        v->x = at->s;
-        v->y = 4.0 * (double)at->lane;
         v->speed = 4.0 + 0.1 * vg_random_below(&random, 40);
         if (v->controlled) {
-            const bool left = at->lane == 0 || (at->lane < lane_total - 1 &&
-                                                vg_random_below(&random, 2) == 0);
-            v->target_lane = (int32_t)at->lane + (left ? 1 : -1);
+            const bool left = lane == 0 || (lane < lane_total - 1 && vg_random_below(&random, 2) == 0);
+            v->target_lane = (int32_t)lane + (left ? 1 : -1);
         }
     }
-    vg_model_from(&self->scene, &self->root, &self->def, self->road, &self->sight, self->vehicles,
-                  self->placed, count);
+    (void)verge_scene_place(&self->scene, 0, vehicles, count, NULL);
+}
+
+// Nothing was decided before; the search draws from random stream `number`.
+static void decide(bench_scene* self, uint32_t number)
+{
+    verge_commitment commitment = { .decisions = number };
+    (void)verge_decide(self->decider, &self->scene, &commitment, &self->decision);
 }
 
 // ---------------------------------------------------------------------------- search
@@ -256,11 +277,10 @@ static void bench_search(bench_scene* self, const settings* with)
         double seconds = 0.0, reward = 0.0;
         for (uint32_t number = 0; number < scenes; ++number) {
             fill_scene(self, planned[row], with->seed, number);
-            vg_random random = vg_random_from(with->seed, number);
             const double start = cpu_seconds();
-            vg_mcts_run(self->tree, &self->scene, &self->root, &random, NULL, &self->decision);
+            decide(self, number);
             seconds += cpu_seconds() - start;
-            reward += self->decision.report.reward;
+            reward += self->decision.search.reward;
         }
         printf("%s\n  {\"controlled\": %u, \"humans\": %d, \"iterations\": %d,"
                " \"iterations_per_s\": ", row > 0 ? "," : "", planned[row], humans, iterations);
@@ -268,8 +288,9 @@ static void bench_search(bench_scene* self, const settings* with)
         printf(", \"instructions_per_iteration\": ");
         const double counted = instructions_of(with->instructions, planned[row]);
         number_write(stdout, counted > 0.0 ? counted : (double)NAN);
-        printf(", \"bytes_per_node\": %u, \"reward\": ",
-               vg_node_size(self->scene.count, self->scene.controlled_count));
+        uint32_t nodes_peak = 0, bytes_per_node = 0;
+        verge_decider_nodes(self->decider, &nodes_peak, &bytes_per_node);
+        printf(", \"bytes_per_node\": %u, \"reward\": ", bytes_per_node);
         number_write(stdout, reward / scenes);
         printf("}");
         fflush(stdout);
@@ -277,55 +298,50 @@ static void bench_search(bench_scene* self, const settings* with)
     printf("],\n");
 }
 
+static bool only_search_holds(const settings* with)
+{
+    if (with->only_search < 1 || with->only_search > VERGE_CONTROLLED_MAX) {
+        fprintf(stderr, "verge-bench:--only-search: out of range, expected 1..%d vehicles\n",
+                VERGE_CONTROLLED_MAX);
+        return false;
+    }
+    if (with->only_iterations < 1 || with->only_iterations > 1000000) {
+        fputs("verge-bench:--iterations: out of range, expected 1..1000000\n", stderr);
+        return false;
+    }
+    return true;
+}
+
 // Exactly one search, so that a counter of instructions sees nothing else that depends on N.
 static int count_only(bench_scene* self, const settings* with)
 {
-    const uint64_t planned = with->only_search;
-    const uint64_t budget = with->only_iterations;
-    if (planned < 1 || planned > VERGE_CONTROLLED_MAX) {
-        fputs("verge-bench:--only-search: out of range, expected 1..16 vehicles\n", stderr);
-        return 2;
-    }
-    if (budget < 1 || budget > 1000000) {
-        fputs("verge-bench:--iterations: out of range, expected 1..1000000\n", stderr);
-        return 2;
-    }
-    self->def.iterations = (uint32_t)budget;
-    fill_scene(self, (uint32_t)planned, with->seed, 3);
-    vg_random random = vg_random_from(with->seed, 3);
-    vg_mcts_run(self->tree, &self->scene, &self->root, &random, NULL, &self->decision);
-    free(self->memory);
-    return self->decision.report.iterations == budget ? 0 : 1;
+    fill_scene(self, (uint32_t)with->only_search, with->seed, 3);
+    decide(self, 3);
+    close_scene(self);
+    return self->decision.search.iterations == with->only_iterations ? 0 : 1;
 }
 
 // ---------------------------------------------------------------------------- sampler
 
+// Whole trajectories of one vehicle among eight others; counted are the candidates they look at.
 static void bench_sampler(bench_scene* self, const settings* with)
 {
-    enum { others = 8, candidates = 1000 };
-    const uint32_t repeats = with->quick ? 200 : 1000;
+    enum { others = 8 };
+    const uint32_t repeats = with->quick ? 2000 : 10000;
+    static verge_vehicle_plan plan;
     fill_scene(self, others + 1 - humans, with->seed, 5);
-    vg_random random = vg_random_from(with->seed, 5);
-    vg_mcts_run(self->tree, &self->scene, &self->root, &random, NULL, &self->decision);
-    vg_predict_tracks(&self->tracks, &self->scene, &self->root, &self->decision, self->vehicles,
-                      self->placed, self->scene.count);
-    const vg_job job = {
-        .def = &self->def, .road = self->road, .vehicle = &self->vehicles[0], .on_road = true,
-        .lane = self->placed[0].lane, .s = self->placed[0].s, .target = -1, .track_index = 0,
-        .segment_count = 1,
-        .segments = { { 0.0, 3.0, VERGE_KEEP_SPEED, self->placed[0].lane,
-                        self->placed[0].s + 3.0 * self->vehicles[0].speed, 0.0,
-                        self->vehicles[0].speed } },
-    };
+    decide(self, 5);
+    (void)verge_predict(self->predictor, &self->scene, &self->decision, &self->tracks);
     const double start = cpu_seconds();
-    double checksum = 0.0;
     for (uint32_t k = 0; k < repeats; ++k) {
-        checksum += vg_sampler_bench(self->workspace, &job, &self->tracks, candidates);
+        (void)verge_plan_vehicle(self->sampler, &self->scene, &self->decisions[0], &self->tracks, NULL,
+                                 &plan);
     }
     const double seconds = cpu_seconds() - start;
-    printf(" \"sampler\": [\n  {\"vehicles\": %d, \"points\": %u, \"candidates\": %d, "
-           "\"candidates_per_s\": ", others, self->def.points, candidates);
-    number_write(stdout, checksum == checksum ? (double)repeats * candidates / seconds : 0.0);
+    const double candidates = (double)verge_sampler_candidates(self->sampler);
+    printf(" \"sampler\": [\n  {\"vehicles\": %d, \"points\": %u, \"candidates\": %.0f, "
+           "\"candidates_per_s\": ", others, self->def.points, candidates / repeats);
+    number_write(stdout, candidates / seconds);
     printf("}],\n");
 }
 

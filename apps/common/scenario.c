@@ -285,13 +285,18 @@ static bool planner_build(const json_at* root, scenario* scene)
         return json_fail(&planner, "parameters and road do not fit, expected a planner that can be"
                                    " built");
     }
+    const size_t humans_size = verge_humans_memory_size(&scene->def);
     scene->arena_size = (size + 63) / 64 * 64;
-    scene->arena = aligned_alloc(64, scene->arena_size);
+    scene->arena = aligned_alloc(64, scene->arena_size + (humans_size + 63) / 64 * 64);
     if (scene->arena == NULL) {
         return json_fail(&planner, "needs %zu bytes, more than there is", scene->arena_size);
     }
-    const verge_status status =
+    verge_status status =
         verge_planner_init(&scene->planner, &scene->def, scene->arena, scene->arena_size);
+    if (status == VERGE_OK) {
+        status = verge_humans_init(&scene->humans, &scene->def, (char*)scene->arena + scene->arena_size,
+                                   humans_size);
+    }
     return status == VERGE_OK || json_fail(&planner, "%s", verge_status_text(status));
 }
 
@@ -312,7 +317,8 @@ static bool vehicle_check(const json_at* at, const scenario* scene, uint32_t ind
 {
     const scenario_vehicle* vehicle = &scene->vehicles[index];
     const verge_vehicle*    start = &vehicle->start;
-    const verge_status      status = verge_planner_check_vehicle(scene->planner, start);
+    const verge_status      status = 
+        verge_road_check_vehicle(verge_planner_road(scene->planner), start);
     if (status == VERGE_ERR_OFF_ROAD) {
         return json_fail(at, "vehicle %d is off every lane, expected its centre on a lane",
                          start->id);

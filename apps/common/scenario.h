@@ -19,6 +19,7 @@
 
 #include "json.h"
 #include "verge/planner.h"
+#include "verge/simulate.h"
 
 #include <stdio.h>
 
@@ -45,7 +46,8 @@ typedef struct scenario {
     double             duration; ///< [s]
     double             replan;   ///< [s]
     verge_planner*     planner;  ///< built, no step done
-    void*              arena;
+    verge_humans*      humans;   ///< moves the humans of a simulation
+    void*              arena;    ///< of the planner, then of the humans
     size_t             arena_size; ///< [B]
 } scenario;
 

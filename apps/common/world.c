@@ -81,7 +81,7 @@ void world_advance(world* self)
 {
     verge_vehicle  states[VERGE_VEHICLES_MAX];
     const uint32_t count = world_states(self, states);
-    verge_planner_advance_humans(self->scene->planner, states, count, WORLD_DT);
+    (void)verge_humans_advance(self->scene->humans, self->road, states, count, WORLD_DT);
     self->tick++;
 
     uint32_t next = 0;

@@ -4,40 +4,45 @@
 #include "traffic/advance.h"
 #include "traffic/reward.h"
 #include "must.h"
+#include "traffic/pairs.h"
 
 #include <math.h>
 
 /// One vehicle alone.
 typedef struct alone {
     vg_model scene;
-    vg_pairs sight;
     vg_flow  flows[BOUND_STEPS_MAX + 1]; ///< along the sequence under way
 } alone;
 
 static double best_alone(alone* self, uint32_t step);
-static uint32_t place_all(const world* world, verge_vehicle* vehicles, vg_placed* placed);
+static void place_all(const world* world, verge_scene* scene);
+static vg_pairs* pairs_make(void);
 
 double bound_of(const world* world)
 {
     const verge_planner_def* def = &world->scene->def;
-    verge_vehicle vehicles[VERGE_VEHICLES_MAX];
-    vg_placed     placed[VERGE_VEHICLES_MAX];
-    const uint32_t count = place_all(world, vehicles, placed);
+    verge_vehicle       vehicles[VERGE_VEHICLES_MAX];
+    verge_lane_position positions[VERGE_VEHICLES_MAX];
+    verge_scene scene = { .road = world->road, .vehicles_max = VERGE_VEHICLES_MAX, .vehicles = vehicles,
+                          .positions = positions };
+    place_all(world, &scene);
     if (def->steps > BOUND_STEPS_MAX) {
         return NAN;
     }
     alone* all = must_calloc(1, sizeof *all);
     alone* self = must_calloc(1, sizeof *self);
-    vg_model_from(&all->scene, &all->flows[0], def, world->road, &all->sight, vehicles, placed,
-                  count);
+    vg_pairs* pairs = pairs_make();
+    vg_model_from(&all->scene, &all->flows[0], def, pairs, &scene, vg_scene_controlled(&scene));
     double sum = 0.0;
     for (uint32_t slot = 0; slot < all->scene.controlled_count; slot++) {
         const uint32_t i = all->scene.input_index[slot];
-        vg_model_from(&self->scene, &self->flows[0], def, world->road, &self->sight, &vehicles[i],
-                      &placed[i], 1);
+        const verge_scene one = { .road = world->road, .vehicle_count = 1, .vehicles_max = 1,
+                                  .vehicles = &vehicles[i], .positions = &positions[i] };
+        vg_model_from(&self->scene, &self->flows[0], def, pairs, &one, 1);
         sum += (double)all->scene.weight[slot] * best_alone(self, 0);
     }
     const bool any = all->scene.controlled_count > 0;
+    free(pairs);
     free(self);
     free(all);
     return any ? fmin(sum, 1.0) : (double)NAN;
@@ -66,20 +71,25 @@ static double best_alone(alone* self, uint32_t step)
     return best;
 }
 
-static uint32_t place_all(const world* world, verge_vehicle* vehicles, vg_placed* placed)
+static void place_all(const world* world, verge_scene* scene)
 {
-    const verge_road_def* road = &world->scene->def.road;
-    const uint32_t        count = world_states(world, vehicles);
-    for (uint32_t i = 0; i < count; i++) {
-        const verge_vehicle*      at = &vehicles[i];
-        const verge_lane_position on =
+    scene->vehicle_count = world_states(world, scene->vehicles);
+    for (uint32_t i = 0; i < scene->vehicle_count; i++) {
+        const verge_vehicle* at = &scene->vehicles[i];
+        scene->positions[i] =
             verge_road_project(world->road, at->x, at->y, at->heading, VERGE_NO_LANE);
-        placed[i] = (vg_placed){ .on_road = on.lane_id != VERGE_NO_LANE, .s = on.s, .d = on.d };
-        for (uint32_t lane = 0; lane < road->lane_count; lane++) {
-            if (road->lanes[lane].id == on.lane_id) {
-                placed[i].lane = lane;
-            }
-        }
     }
-    return count;
+}
+
+static vg_pairs* pairs_make(void)
+{
+    vg_arena measure, arena;
+    vg_arena_init(&measure, NULL, 0);
+    (void)vg_pairs_take(&measure, VERGE_VEHICLES_MAX);
+    void* memory = aligned_alloc(VG_ARENA_ALIGN, measure.used);
+    if (memory == NULL) {
+        abort();
+    }
+    vg_arena_init(&arena, memory, measure.used);
+    return vg_pairs_take(&arena, VERGE_VEHICLES_MAX); // the first thing taken: freeing it frees all
 }

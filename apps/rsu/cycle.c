@@ -75,7 +75,7 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
     // through; this keeps the others safe should projection have made one of it.
     for (uint32_t i = self->view.count; i-- > 0;) {
         const verge_status status =
-            verge_planner_check_vehicle(self->def.planner, &self->view.vehicles[i]);
+            verge_road_check_vehicle(verge_planner_road(self->def.planner), &self->view.vehicles[i]);
         if (status != VERGE_OK && status != VERGE_ERR_OFF_ROAD) {
             self->counters.unusable++;
             leave_out(&self->view, i);

@@ -3,11 +3,12 @@
 /// again; absent alarms against polygons every 10 ms and against the exact contact test.
 #include "candidates.h"
 #include "check.h"
+#include "room.h"
 #include "motion/contact.h"
 #include "strict.h"
 
-static vg_batch batch;
-static vg_path path;
+TEST_BATCH(batch);
+TEST_PATH(path);
 
 static const verge_weights plain_weights = { 1.0, 1.0, 1.0, 1.0, 1.0, 1.0 };
 
@@ -148,7 +149,7 @@ static void test_marks_say_which_limits_are_broken(void** state)
 }
 
 /// The body of a candidate at the batch's instants.
-static void drive(const scene* w, uint32_t candidate, vg_track* body)
+static void drive(const scene* w, uint32_t candidate, verge_track* body)
 {
     *body = w->tracks.of[0];
     for (uint32_t k = 0; k <= batch.last; k += 1) {
@@ -163,10 +164,10 @@ static void drive(const scene* w, uint32_t candidate, vg_track* body)
 
 /// What is seen between the instants only: a small body that shoots across the road, or a long
 /// one that spins beside the lane.
-static vg_track sudden(const scene* w, test_rng* rng)
+static verge_track sudden(const scene* w, test_rng* rng)
 {
     const bool spins = test_rng_below(rng, 2) == 0;
-    vg_track track = w->tracks.of[1];
+    verge_track track = w->tracks.of[1];
     track.half_length = spins ? 4.0 : test_rng_between(rng, 0.2, 1.0);
     track.half_width = 0.2;
     const double x = test_rng_between(rng, 45.0, 70.0);
@@ -188,7 +189,7 @@ static vg_track sudden(const scene* w, test_rng* rng)
 static void test_what_raises_no_alarm_touches_nobody(void** state)
 {
     (void)state;
-    static vg_track body, guarded;
+    static verge_track body, guarded;
     test_rng rng = test_rng_seeded("alarm");
     uint32_t alarms = 0, contacts = 0;
     for (uint32_t round = 0; round < test_rounds(600); round += 1) {
@@ -224,13 +225,13 @@ static void test_neighbours_in_the_loop_do_not_change_a_candidate(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("order");
-    static double costs[VG_CANDIDATES_MAX];
-    static uint8_t marks[VG_CANDIDATES_MAX];
+    static double costs[TEST_CANDIDATES];
+    static uint8_t marks[TEST_CANDIDATES];
     for (uint32_t round = 0; round < test_rounds(40); round += 1) {
         scene* w = random_batch(&rng);
         vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
-        memcpy(costs, batch.costs, sizeof costs);
-        memcpy(marks, batch.marks, sizeof marks);
+        memcpy(costs, batch.costs, candidate_count() * sizeof costs[0]);
+        memcpy(marks, batch.marks, candidate_count() * sizeof marks[0]);
         const uint32_t count = batch.offset_count;
         uint32_t came_from[VERGE_SAMPLE_OFFSETS_MAX];
         for (uint32_t i = 0; i < count; i += 1) {
@@ -274,10 +275,10 @@ static void test_what_is_not_a_number_is_infeasible_and_stays_alone(void** state
 {
     (void)state;
     test_rng rng = test_rng_seeded("nan");
-    static double costs[VG_CANDIDATES_MAX];
+    static double costs[TEST_CANDIDATES];
     scene* w = random_batch(&rng);
     vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
-    memcpy(costs, batch.costs, sizeof costs);
+    memcpy(costs, batch.costs, candidate_count() * sizeof costs[0]);
     batch.offsets[3] = NAN;
     vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
     for (uint32_t i = 0; i < candidate_count(); i += 1) {

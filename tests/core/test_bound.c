@@ -13,7 +13,7 @@ static searched search(stage* at, uint32_t iterations)
 {
     at->def.iterations = iterations;
     at->def.nodes_max = 256;
-    vg_decision* decision = aligned_alloc(64, (sizeof *decision / 64 + 1) * 64);
+    stage_decision* decision = aligned_alloc(64, (sizeof *decision / 64 + 1) * 64);
     stage_decide(at, vg_random_from(1, 1), decision);
     const searched found = { decision->report.reward, decision->report.bound };
     free(decision);
@@ -31,7 +31,7 @@ static void no_plan_earns_more_than_the_bound(void** state)
         stage_fill(at, &rng, 1 + test_rng_below(&rng, 6), test_rng_below(&rng, 6), 100.0, 500.0,
                    12.0);
         for (uint32_t i = 0; i < at->count; ++i) {
-            at->placed[i].d = k % 3 == 0 ? test_rng_between(&rng, -1.9, 1.9) : 0.0;
+            at->positions[i].d = k % 3 == 0 ? test_rng_between(&rng, -1.9, 1.9) : 0.0;
         }
         stage_begin(at);
         const searched found = search(at, 400);

@@ -9,12 +9,12 @@
 enum { LAST = 12, DENSE = 60 };
 static const double step_s = 0.1;
 
-static vg_track a, b;
+static verge_track a, b;
 
 /// A body that drives and turns at constant rates, or spins in its place, near the origin.
-static vg_track random_track(test_rng* rng)
+static verge_track random_track(test_rng* rng)
 {
-    vg_track track = { .half_length = test_rng_between(rng, 0.3, 6.0),
+    verge_track track = { .half_length = test_rng_between(rng, 0.3, 6.0),
                        .half_width = test_rng_between(rng, 0.2, 1.3) };
     double heading = test_rng_between(rng, -3.1, 3.1);
     double x = test_rng_between(rng, -12.0, 12.0), y = test_rng_between(rng, -12.0, 12.0);
@@ -34,9 +34,9 @@ static vg_track random_track(test_rng* rng)
 }
 
 /// A body that stays aligned with x and moves at constant velocity.
-static vg_track straight_track(double x, double y, double vx, double vy)
+static verge_track straight_track(double x, double y, double vx, double vy)
 {
-    vg_track track = { .half_length = 2.5, .half_width = 1.0 };
+    verge_track track = { .half_length = 2.5, .half_width = 1.0 };
     for (uint32_t k = 0; k <= LAST; ++k) {
         track.x[k] = x + vx * step_s * k;
         track.y[k] = y + vy * step_s * k;
@@ -45,7 +45,7 @@ static vg_track straight_track(double x, double y, double vx, double vy)
     return track;
 }
 
-static vg_track grown(vg_track track, double by)
+static verge_track grown(verge_track track, double by)
 {
     track.half_length += by;
     track.half_width += by;
@@ -53,7 +53,7 @@ static vg_track grown(vg_track track, double by)
 }
 
 /// Do the bodies overlap at one of the dense instants of step k, from sample k - 1 to k?
-static bool overlap_in_step(const vg_track* p, const vg_track* q, uint32_t k)
+static bool overlap_in_step(const verge_track* p, const verge_track* q, uint32_t k)
 {
     for (int i = 0; i <= DENSE; ++i) {
         const double share = (double)i / DENSE;
@@ -67,12 +67,12 @@ static bool overlap_in_step(const vg_track* p, const vg_track* q, uint32_t k)
 }
 
 /// Upper bound of the path of any point of one body relative to the other one in step k. [m]
-static double motion_in_step(const vg_track* p, const vg_track* q, uint32_t k)
+static double motion_in_step(const verge_track* p, const verge_track* q, uint32_t k)
 {
     double motion = hypot(q->x[k] - q->x[k - 1] - p->x[k] + p->x[k - 1],
                           q->y[k] - q->y[k - 1] - p->y[k] + p->y[k - 1]);
     for (int i = 0; i < 2; ++i) {
-        const vg_track* t = i == 0 ? p : q;
+        const verge_track* t = i == 0 ? p : q;
         const double angle = atan2(t->sin_heading[k], t->cos_heading[k])
                            - atan2(t->sin_heading[k - 1], t->cos_heading[k - 1]);
         motion += 2.0 * (t->half_length + t->half_width) * fabs(remainder(angle, 2.0 * M_PI));
@@ -90,7 +90,7 @@ static void test_no_contact_between_samples_is_missed(void** state)
         b = random_track(&rng);
         const double clearance = round % 2 ? 0.0 : test_rng_between(&rng, 0.0, 1.0);
         const uint32_t found = vg_contact_first(&a, &b, clearance, 0, LAST);
-        const vg_track body = grown(a, clearance);
+        const verge_track body = grown(a, clearance);
         for (uint32_t k = 1; k <= LAST && k < found; ++k) {
             assert_false(overlap_in_step(&body, &b, k));
         }
@@ -111,7 +111,7 @@ static void test_a_reported_contact_is_one_within_a_fifth_of_the_step(void** sta
         const uint32_t k = vg_contact_first(&a, &b, clearance, 0, LAST);
         if (k <= LAST) {
             const double slack = motion_in_step(&a, &b, k) / VG_CONTACT_PARTS;
-            const vg_track body = grown(a, clearance + slack + 1e-3);
+            const verge_track body = grown(a, clearance + slack + 1e-3);
             assert_true(overlap_in_step(&body, &b, k));
         }
     }
@@ -125,7 +125,7 @@ static void test_at_a_sample_the_bodies_touch_where_their_polygons_do(void** sta
         a = random_track(&rng);
         b = random_track(&rng);
         const double clearance = test_rng_between(&rng, 0.0, 1.0);
-        const vg_track inner = grown(a, clearance - 1e-6), outer = grown(a, clearance + 1e-6);
+        const verge_track inner = grown(a, clearance - 1e-6), outer = grown(a, clearance + 1e-6);
         for (uint32_t k = 1; k <= LAST; ++k) {
             const strict_polygon other = strict_body(&b, k - 1, 1.0);
             const bool touches = vg_contact_at(&a, &b, clearance, k);

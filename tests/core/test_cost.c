@@ -3,13 +3,14 @@
 /// time, Eq. 7 to 9 term by term with bodies as corner points.
 #include "candidates.h"
 #include "check.h"
+#include "room.h"
 
 /// Set where a body stands exactly at the edge of the alert zone, where the cost jumps.
 static bool at_edge;
 
 /// Eq. 8 for a body at (x, y, heading) and another one, by their corners in the own frame.
 static double slow_alert(const verge_planner_def* def, double length, double width, double x,
-                         double y, double heading, double v, const vg_track* other, uint32_t k)
+                         double y, double heading, double v, const verge_track* other, uint32_t k)
 {
     double low[2] = { 1e9, 1e9 }, high[2] = { -1e9, -1e9 };
     const double angle = atan2(other->sin_heading[k], other->cos_heading[k]);
@@ -72,8 +73,8 @@ static pose slow_pose(const vg_leg* leg, double offset, double t)
 static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** state)
 {
     (void)state;
-    static vg_batch batch;
-    static vg_path path;
+    TEST_BATCH(batch);
+    TEST_PATH(path);
     test_rng rng = test_rng_seeded("cost");
     uint32_t compared = 0;
     for (uint32_t round = 0; round < test_rounds(20); round += 1) {

@@ -12,6 +12,7 @@
 
 typedef struct pair {
     scene* w;
+    double   room[6][VG_PATH_KNOTS_MAX];
     vg_path path;
     vg_following following;
     vg_state state;
@@ -23,6 +24,8 @@ static void pair_make(pair* p, double curvature, double speed, double accelerati
     scene* w = p->w = scene_make(curvature, 0.0);
     vg_job* job = scene_vehicle(w, 1, 30.0, 0.0, 0.0, speed, acceleration, speed);
     scene_track(w, 30.0 + distance, SCENE_WIDTH, leader, 0.0);
+    p->path = (vg_path){ .knots_max = VG_PATH_KNOTS_MAX, .x = p->room[0], .y = p->room[1],
+                         .xss = p->room[2], .yss = p->room[3], .h = p->room[4], .work = p->room[5] };
     vg_path_build(&p->path, w->road, 1, -1, job->s - 30.0, job->s + 250.0);
     p->state = (vg_state){ job->s - AXLE, speed, acceleration, 0, 0, 0, true };
     p->following = (vg_following){ &p->path, &w->tracks, 0, AXLE, 0, w->def.points - 1,
@@ -32,7 +35,7 @@ static void pair_make(pair* p, double curvature, double speed, double accelerati
 /// Bumper to bumper at the end of the segment, along the lane. [m]
 static double gap_after(const pair* p, double s_rear)
 {
-    const vg_track* other = &p->w->tracks.of[1];
+    const verge_track* other = &p->w->tracks.of[1];
     const uint32_t last = p->following.last;
     const double s = vg_path_project(&p->path, other->x[last], other->y[last], NAN);
     return s - 2.5 - (s_rear + AXLE + 2.5);
@@ -82,7 +85,7 @@ static void test_who_is_beside_behind_or_crossing_is_not_followed(void** state)
     pair_make(&p, 0.0, 10.0, 0.0, -12.0, 12.0);            // a follower
     scene_track(p.w, 45.0, 2.0 * SCENE_WIDTH, 0.0, 0.0);   // in the next lane
     const uint32_t crossing = scene_track(p.w, 50.0, SCENE_WIDTH, 8.0, 0.0);
-    vg_track* track = &p.w->tracks.of[crossing];
+    verge_track* track = &p.w->tracks.of[crossing];
     for (uint32_t k = 0; k < p.w->def.points; k += 1) {
         track->x[k] = 50.0;
         track->cos_heading[k] = 0.0;

@@ -5,9 +5,10 @@
 #include "check.h"
 #include "motion/kinematics.h"
 #include "rng.h"
+#include "room.h"
 #include "scene.h"
 
-static vg_path path; // 600 m long
+TEST_PATH(path); // 600 m long
 
 /// A path along the middle lane of a circle or of a straight road.
 static scene* road_make(double curvature)

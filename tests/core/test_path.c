@@ -7,6 +7,7 @@
 #include "check.h"
 #include "motion/path.h"
 #include "rng.h"
+#include "room.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -23,7 +24,7 @@ typedef struct chain {
 } chain;
 
 static chain c;
-static vg_path path;
+TEST_PATH(path);
 
 /// A lane that begins at a point and bends evenly over its length.
 static void add_bend(double x, double y, double heading, double length, double curvature)

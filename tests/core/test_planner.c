@@ -266,7 +266,7 @@ static void a_vehicle_with_one_bad_field_is_refused_and_the_plan_unchanged(void*
     for (uint32_t k = 0; k < sizeof spoils / sizeof spoils[0]; ++k) {
         const verge_vehicle kept = vehicles[1];
         spoils[k](&vehicles[1]);
-        const verge_status alone = verge_planner_check_vehicle(on.planner, &vehicles[1]);
+        const verge_status alone = verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]);
         const verge_status status = verge_planner_step(on.planner, 2, vehicles, 3, &plan);
         vehicles[1] = kept;
         if (status != VERGE_ERR_VEHICLE || alone != VERGE_ERR_VEHICLE) {
@@ -274,9 +274,9 @@ static void a_vehicle_with_one_bad_field_is_refused_and_the_plan_unchanged(void*
         }
         assert_memory_equal(&before, &plan, sizeof plan);
     }
-    assert_int_equal(verge_planner_check_vehicle(on.planner, &vehicles[1]), VERGE_OK);
+    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]), VERGE_OK);
     vehicles[1].y = 300.0;
-    assert_int_equal(verge_planner_check_vehicle(on.planner, &vehicles[1]), VERGE_ERR_OFF_ROAD);
+    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]), VERGE_ERR_OFF_ROAD);
     free(on.memory);
 }
 
@@ -663,7 +663,13 @@ static void humans_drive_by_the_idm_and_are_predicted_as_measured(void** state)
     must_step(on.planner, 0, vehicles, 4);
     verge_vehicle advanced[4];
     memcpy(advanced, vehicles, sizeof vehicles);
-    verge_planner_advance_humans(on.planner, advanced, 4, def.point_s);
+    const size_t size = (verge_humans_memory_size(&def) + 63) / 64 * 64;
+    void* memory = aligned_alloc(64, size);
+    verge_humans* humans = NULL;
+    assert_int_equal(verge_humans_init(&humans, &def, memory, size), VERGE_OK);
+    assert_int_equal(verge_humans_advance(humans, verge_planner_road(on.planner), advanced, 4, def.point_s),
+                     VERGE_OK);
+    free(memory);
     assert_memory_equal(&advanced[0], &vehicles[0], sizeof vehicles[0]);
     // Behind a slow one both brake; where the road is free one speeds up, the other may not.
     assert_true(advanced[1].speed < 9.0 && advanced[2].speed > 9.0);

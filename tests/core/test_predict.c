@@ -1,10 +1,9 @@
 // Predicted bodies against the decision they come from and against plain physics.
 #include "decide.h"
 
-#include "motion/predict.h"
-
-static vg_decision decision;
-static vg_tracks tracks;
+static stage_decision decision;
+static verge_track bodies[VERGE_VEHICLES_MAX];
+static verge_tracks tracks = { .tracks_max = VERGE_VEHICLES_MAX, .of = bodies };
 
 static void decide(stage* at, uint64_t seed)
 {
@@ -15,9 +14,8 @@ static void decide(stage* at, uint64_t seed)
 
 static void predict(stage* at)
 {
-    memset(&tracks, 0x5a, sizeof tracks);
-    const vg_decision* decided = at->scene.controlled_count > 0 ? &decision : NULL;
-    vg_predict_tracks(&tracks, &at->scene, &at->root, decided, at->vehicles, at->placed, at->count);
+    memset(bodies, 0x5a, sizeof bodies);
+    stage_predict(at, at->scene.controlled_count > 0 ? &decision.steps : NULL, &tracks);
     assert_int_equal(tracks.count, at->count);
 }
 
@@ -32,7 +30,7 @@ static void planned_bodies_meet_the_decision_at_every_step(void** state)
         decide(at, k);
         predict(at);
         for (uint32_t i = 0; i < at->scene.controlled_count; ++i) {
-            const vg_track* track = &tracks.of[i];
+            const verge_track* track = &tracks.of[i];
             assert_true(track->controlled && track->vehicle_id == at->vehicles[i].id);
             for (uint32_t t = 0; t <= 2; ++t) { // 3 s of trajectory, steps of 1.5 s
                 const vg_flow* flow = &decision.flows[t];
@@ -77,7 +75,7 @@ static void a_human_that_crosses_goes_on_to_the_next_centre_and_stays_there(void
     stage_add(at, false, 0, 200.0, 0.0, 10.0, -1)->heading = -0.3; // off the road: not far
     stage_begin(at);
     predict(at);
-    const vg_track* of = tracks.of;
+    const verge_track* of = tracks.of;
     CHECK_NEAR(of[0].y[5], STAGE_WIDTH + 0.2 + 0.5 * 10.0 * sin(0.2), 0.01);
     CHECK_NEAR(of[0].y[30], 2.0 * STAGE_WIDTH, 0.01);
     CHECK_NEAR(of[1].y[30], STAGE_WIDTH, 0.01);
@@ -98,7 +96,7 @@ static void bodies_move_as_fast_as_they_say_and_where_they_point(void** state)
         decide(at, k);
         predict(at);
         for (uint32_t i = 0; i < at->count; ++i) {
-            const vg_track* track = &tracks.of[i];
+            const verge_track* track = &tracks.of[i];
             for (uint32_t p = 1; p < at->def.points; ++p) {
                 const double dx = track->x[p] - track->x[p - 1], dy = track->y[p] - track->y[p - 1];
                 const double mean = 0.5 * (track->speed[p] + track->speed[p - 1]);
@@ -140,12 +138,7 @@ static void a_human_makes_way_for_who_is_decided_to_come_in_front(void** state)
     decide(at, 1);
     memset(decision.line.actions, VERGE_KEEP_SPEED, sizeof decision.line.actions);
     decision.line.actions[0][0] = decision.line.actions[1][0] = VERGE_CHANGE_LEFT; // by hand
-    decision.flows[0] = at->root;
-    for (uint32_t t = 0; t < at->def.steps; ++t) {
-        decision.flows[t + 1] = decision.flows[t];
-        stage_step(at, &decision.flows[t + 1], decision.line.actions[t]);
-        decision.way[t][0] = decision.flows[t + 1].station[0] - decision.flows[t].station[0];
-    }
+    stage_drive(at, &decision);
     predict(at);
     const uint32_t last = at->def.points - 1;
     CHECK_AT_MOST(tracks.of[1].speed[last], STAGE_LIMIT - 1.0);
@@ -163,9 +156,11 @@ static void off_the_road_a_body_goes_straight_on(void** state)
     stage_add(at, true, 0, 100.0, 0.0, 8.0, -1);
     verge_vehicle* off = stage_add(at, false, 0, 100.0, 90.0, 6.0, -1);
     off->heading = 2.0;
-    at->placed[1].on_road = false;
-    vg_model_from(&at->scene, &at->root, &at->def, at->road, &at->pairs, at->vehicles, at->placed,
-                  at->count);
+    at->positions[1].lane_id = VERGE_NO_LANE;
+    at->given = (verge_scene){ .road = at->road, .vehicle_count = at->count,
+                               .vehicles_max = VERGE_VEHICLES_MAX, .vehicles = at->vehicles,
+                               .positions = at->positions };
+    vg_model_from(&at->scene, &at->root, &at->def, at->pairs, &at->given, vg_scene_controlled(&at->given));
     assert_int_equal(at->scene.count, 1);
     decide(at, 1);
     predict(at);
@@ -176,6 +171,15 @@ static void off_the_road_a_body_goes_straight_on(void** state)
         CHECK_NEAR(tracks.of[1].speed[p], 6.0, 0.0);
     }
     stage_close(at);
+}
+
+static void pose_at(const verge_road* road, double s, double* x, double* y, double* c, double* n)
+{
+    const vg_reference at = vg_road_at(road, 0, -1, s);
+    *x = at.x - 0.5 * at.sin_heading;
+    *y = at.y + 0.5 * at.cos_heading;
+    *c = at.cos_heading;
+    *n = at.sin_heading;
 }
 
 static void poses_go_over_seams_without_a_jump(void** state)
@@ -194,10 +198,10 @@ static void poses_go_over_seams_without_a_jump(void** state)
     }
     stage_build(at);
     double x0 = 0.0, y0 = 0.0, c = 0.0, n = 0.0, c0 = 0.0, n0 = 0.0;
-    vg_road_pose(at->road, 0, -1, 0.0, 0.5, &x0, &y0, &c0, &n0);
+    pose_at(at->road, 0.0, &x0, &y0, &c0, &n0);
     for (double s = 0.25; s < 110.0; s += 0.25) { // 20 m beyond the last lane's end
         double x = 0.0, y = 0.0;
-        vg_road_pose(at->road, 0, -1, s, 0.5, &x, &y, &c, &n);
+        pose_at(at->road, s, &x, &y, &c, &n);
         CHECK_NEAR(hypot(x - x0, y - y0), 0.25, 0.02);
         CHECK_NEAR(c * n0 - n * c0, 0.0, 0.05);
         x0 = x;

@@ -5,6 +5,7 @@
 #include "check.h"
 #include "motion/path.h"
 #include "rng.h"
+#include "room.h"
 #include "road/build.h"
 #include "base/scalar.h"
 
@@ -633,7 +634,7 @@ static void test_a_path_is_its_anchor_and_smooth_beyond_it(void** state)
     leads_to(w, 0, 1);
     leads_to(w, 2, 1);
     build(w);
-    static vg_path path;
+    TEST_PATH(path);
     for (uint32_t anchor = 0; anchor < 3; ++anchor) {
         vg_path_build(&path, w->road, anchor, -1, -80.0, 260.0);
         const vg_lane* lane = &w->road->lanes[anchor];
@@ -660,7 +661,7 @@ static void test_a_path_goes_straight_on_where_the_road_ends(void** state)
     add_lane(w, -1, -1);
     add_straight(w, 0.0, 0.0, 100.0, 0.0);
     build(w);
-    static vg_path path;
+    TEST_PATH(path);
     vg_path_build(&path, w->road, 0, -1, 50.0, 650.0);
     const vg_reference at = vg_path_at(&path, 600.0);
     CHECK_NEAR(at.x, 600.0, 1e-9);

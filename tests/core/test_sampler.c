@@ -244,7 +244,7 @@ static void test_the_standstill_gap_is_kept_behind_a_standing_body(void** state)
             }
             drive_on(w);
         }
-        const vg_track* other = &w->tracks.of[1];
+        const verge_track* other = &w->tracks.of[1];
         const double gap = hypot(other->x[0] - w->vehicles[0].x, other->y[0] - w->vehicles[0].y)
                          - 5.0;
         CHECK_BETWEEN(gap, w->def.idm_gap - 0.3, w->def.idm_gap + 1.2);

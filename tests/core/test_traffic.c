@@ -292,7 +292,7 @@ static void the_actions_left_are_those_whose_new_speed_lies_in_the_window(void**
         const uint32_t planned = 1 + test_rng_below(&rng, 6), humans = test_rng_below(&rng, 6);
         stage_fill(at, &rng, planned, humans, 100.0, 100.0 + 30.0 * (planned + humans), 6.0);
         for (uint32_t i = 0; i < at->count; ++i) {
-            at->placed[i].d = k % 2 == 0 ? 0.0 : test_rng_between(&rng, -1.9, 1.9);
+            at->positions[i].d = k % 2 == 0 ? 0.0 : test_rng_between(&rng, -1.9, 1.9);
             at->vehicles[i].length = test_rng_between(&rng, 3.0, 6.0);
         }
         stage_begin(at);
@@ -647,8 +647,8 @@ static void the_nearest_in_the_path_are_ahead_and_behind(void** state)
             int32_t ahead = -1, behind = -1, found_ahead = 7, found_behind = 7;
             double lead = INFINITY, back = -INFINITY;
             for (uint32_t j = 0; j < at->count; ++j) {
-                const double ds = at->placed[j].s - at->placed[i].s;
-                if (j == i || at->placed[j].lane != at->placed[i].lane) {
+                const double ds = at->positions[j].s - at->positions[i].s;
+                if (j == i || at->positions[j].lane_id != at->positions[i].lane_id) {
                     continue;
                 }
                 if (ds > 0.0 && ds < lead) {

@@ -105,6 +105,11 @@ static int plan_scenario(const scenario* scene)
     void* memory = size > 0 ? aligned_alloc(64, size) : NULL;
     verge_planner* planner = NULL;
     verge_status status = verge_planner_init(&planner, &def, memory, size);
+    const size_t humans_size = (verge_humans_memory_size(&def) + 63) / 64 * 64;
+    void* humans_memory = humans_size > 0 ? aligned_alloc(64, humans_size) : NULL;
+    verge_humans* humans = NULL;
+    status = status != VERGE_OK ? status
+                                : verge_humans_init(&humans, &def, humans_memory, humans_size);
 
     static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     const uint32_t count = scene->vehicle_count;
@@ -116,10 +121,12 @@ static int plan_scenario(const scenario* scene)
         status = verge_planner_step(planner, cycle * cycle_us, vehicles, count, &plan);
         if (status == VERGE_OK) {
             printf("%s %" PRIu32 " %016" PRIx64 "\n", scene->name, cycle, plan.digest);
-            verge_planner_advance_humans(planner, vehicles, count, def.point_s * CYCLE_POINTS);
+            status = verge_humans_advance(humans, verge_planner_road(planner), vehicles, count,
+                                          def.point_s * CYCLE_POINTS);
             follow_plans(vehicles, count);
         }
     }
+    free(humans_memory);
     free(memory);
     if (status != VERGE_OK) {
         fprintf(stderr, "%s: %s\n", scene->name, verge_status_text(status));

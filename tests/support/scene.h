@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SCENE_LANES = 3, SCENE_POINTS = 81, SCENE_JOBS = 4 };
+enum { SCENE_LANES = 3, SCENE_POINTS = 81, SCENE_JOBS = 4, SCENE_WORKSPACE = 1 << 18 };
 #define SCENE_WIDTH 3.5
 #define SCENE_LENGTH 400.0
 
@@ -32,7 +32,8 @@ typedef struct scene {
     verge_planner_def def;
     verge_road* road;
     vg_limits limits;  ///< of the planned vehicle's body
-    vg_tracks tracks;
+    verge_track bodies[VERGE_VEHICLES_MAX];
+    verge_tracks tracks;
     uint32_t job_count;
     verge_vehicle vehicles[SCENE_JOBS];
     vg_job jobs[SCENE_JOBS];
@@ -86,6 +87,7 @@ static inline scene* scene_make(double curvature, double short_lane)
         lanes[l].left = l + 1 < SCENE_LANES ? l + 1 : VERGE_NO_LANE;
         lanes[l].right = l - 1; // -1 is VERGE_NO_LANE
     }
+    w->tracks = (verge_tracks){ .tracks_max = VERGE_VEHICLES_MAX, .of = w->bodies };
     w->def = verge_planner_default_def();
     w->def.road = (verge_road_def){ lanes, SCENE_LANES };
     const size_t scratch_size = vg_road_scratch_size(&w->def.road);
@@ -96,8 +98,16 @@ static inline scene* scene_make(double curvature, double short_lane)
     vg_arena_init(&scratch, w->memory[1], scratch_size);
     w->road = vg_road_build(&arena, &scratch, &w->def.road);
     for (int i = 0; i < SCENE_JOBS; i += 1) {
-        w->memory[2 + i] = scene_memory(vg_workspace_size());
-        w->workspaces[i] = w->memory[2 + i];
+        // Room for the most points and samples that a test may ask for.
+        verge_planner_def most = w->def;
+        most.points = VERGE_POINTS_MAX;
+        most.point_s = 0.5;
+        most.sample_speeds = VERGE_SAMPLE_SPEEDS_MAX;
+        most.sample_offsets = VERGE_SAMPLE_OFFSETS_MAX;
+        vg_arena own;
+        w->memory[2 + i] = scene_memory(SCENE_WORKSPACE);
+        vg_arena_init(&own, w->memory[2 + i], SCENE_WORKSPACE);
+        w->workspaces[i] = vg_workspace_take(&own, &most);
     }
     return w;
 }
@@ -114,7 +124,7 @@ static inline void scene_free(scene* w)
 static inline uint32_t scene_track(scene* w, double s, double d, double speed, double drift)
 {
     const uint32_t index = w->tracks.count++;
-    vg_track* track = &w->tracks.of[index];
+    verge_track* track = &w->tracks.of[index];
     track->vehicle_id = (int32_t)index;
     track->controlled = false;
     track->half_length = 2.5;

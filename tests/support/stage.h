@@ -34,8 +34,9 @@ typedef struct stage {
     verge_road* road;
     uint32_t count;
     verge_vehicle vehicles[VERGE_VEHICLES_MAX];
-    vg_placed placed[VERGE_VEHICLES_MAX];
-    vg_pairs pairs;
+    verge_lane_position positions[VERGE_VEHICLES_MAX];
+    verge_scene given; ///< the vehicles and positions above
+    vg_pairs* pairs;
     vg_model scene;
     vg_flow root;
 } stage;
@@ -55,6 +56,8 @@ static inline void stage_build(stage* at)
     assert_int_equal(verge_road_check(&at->def.road, NULL), VERGE_OK);
     at->road = vg_road_build(&arena, &scratch, &at->def.road);
     assert_non_null(at->road);
+    at->pairs = vg_pairs_take(&arena, VERGE_VEHICLES_MAX);
+    assert_non_null(at->pairs);
     free(fit);
 }
 
@@ -107,14 +110,18 @@ static inline verge_vehicle* stage_add(stage* at, bool planned, uint32_t lane, d
     at->vehicles[i].y = STAGE_WIDTH * (double)lane + d;
     at->vehicles[i].speed = v;
     at->vehicles[i].target_lane = target;
-    at->placed[i] = (vg_placed){ .on_road = true, .lane = lane, .s = s, .d = d };
+    at->positions[i] =
+        (verge_lane_position){ .lane_id = (int32_t)lane, .s = s, .d = d, .contained = true };
     return &at->vehicles[i];
 }
 
 static inline void stage_begin(stage* at)
 {
-    vg_model_from(&at->scene, &at->root, &at->def, at->road, &at->pairs, at->vehicles, at->placed,
-                  at->count);
+    at->given = (verge_scene){ .road = at->road, .vehicle_count = at->count,
+                               .vehicles_max = VERGE_VEHICLES_MAX, .vehicles = at->vehicles,
+                               .positions = at->positions };
+    vg_model_from(&at->scene, &at->root, &at->def, at->pairs, &at->given,
+                  vg_scene_controlled(&at->given));
     assert_int_equal(at->scene.count, at->count);
 }
 
@@ -130,7 +137,8 @@ static inline void stage_fill(stage* at, test_rng* rng, uint32_t planned, uint32
         bool crowded = false;
         for (uint32_t j = 0; j < at->count; ++j) {
             crowded = crowded
-                      || (at->placed[j].lane == lane && fabs(at->placed[j].s - s) < apart);
+                      || (at->positions[j].lane_id == (int32_t)lane
+                           && fabs(at->positions[j].s - s) < apart);
         }
         if (!crowded) {
             const double v = test_rng_between(rng, 0.0, STAGE_LIMIT);

@@ -6,7 +6,7 @@
 #define STRICT_H
 
 #include "verge/plan.h"
-#include "motion/track.h"
+#include "verge/trajectory.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -124,7 +124,7 @@ typedef struct strict_polygon {
 } strict_polygon;
 
 /// Body of a track between samples k and k + 1 (linear), share u.
-static inline strict_polygon strict_body(const vg_track* t, uint32_t k, double u)
+static inline strict_polygon strict_body(const verge_track* t, uint32_t k, double u)
 {
     double c = t->cos_heading[k] * (1.0 - u) + t->cos_heading[k + 1] * u;
     double s = t->sin_heading[k] * (1.0 - u) + t->sin_heading[k + 1] * u;
@@ -177,7 +177,7 @@ static inline double strict_shared_area(strict_polygon a, const strict_polygon* 
 }
 
 /// First instant [s] at which two tracks overlap, from `from` on, every 10 ms; infinite: never.
-static inline double strict_contact(const vg_track* a, const vg_track* b, uint32_t points,
+static inline double strict_contact(const verge_track* a, const verge_track* b, uint32_t points,
                                     double h, double from)
 {
     for (uint32_t k = 0; k + 1 < points; k += 1) {

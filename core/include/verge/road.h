@@ -56,6 +56,15 @@ verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault
 /// A built road, inside a planner's arena; valid as long as the planner. See verge_planner_road().
 typedef struct verge_road verge_road;
 
+/// Bytes verge_road_init() needs; 0 if the road is refused. The road keeps *road_size (may be null)
+/// of them; the rest is free again after verge_road_init(). Cheap: nothing is fitted.
+size_t verge_road_memory_size(const verge_road_def* def, size_t* road_size);
+/// Builds a road in the caller's memory, aligned to 64 bytes. Any number of stages and threads may
+/// read it.
+/// @retval VERGE_ERR_ROAD, VERGE_ERR_MEMORY  *road is null
+verge_status verge_road_init(const verge_road** road, const verge_road_def* def, void* memory,
+                             size_t size);
+
 /// Which lane a body is on: the lane that contains (x, y) and whose direction fits the heading
 /// best; outside all lanes the nearest within 2 m of an edge, else lane_id = VERGE_NO_LANE.
 /// prefer_lane: a lane id to take when several contain the point (or VERGE_NO_LANE).

@@ -12,7 +12,12 @@
 #include "verge/body.h"
 #include "verge/types.h"
 #include "verge/road.h"
+#include "verge/def.h"
+#include "verge/scene.h"
+#include "verge/decision.h"
+#include "verge/trajectory.h"
 #include "verge/plan.h"
 #include "verge/planner.h"
+#include "verge/simulate.h"
 
 #endif

@@ -12,6 +12,15 @@ void vg_arena_init(vg_arena* arena, void* base, size_t size)
     *arena = (vg_arena){ .base = base, .size = base == NULL ? 0 : size };
 }
 
+bool vg_arena_begin(vg_arena* arena, void* memory, size_t size)
+{
+    if (memory == NULL || (uintptr_t)memory % VG_ARENA_ALIGN != 0) {
+        return false;
+    }
+    vg_arena_init(arena, memory, size);
+    return true;
+}
+
 void* vg_arena_take(vg_arena* arena, size_t size)
 {
     VERGE_ASSERT(arena != NULL);

@@ -27,6 +27,8 @@ typedef struct vg_arena {
 #define VG_ARENA_ALIGN 64u
 
 void  vg_arena_init(vg_arena* arena, void* base, size_t size);
+/// The same for memory from outside; false where it is null or not aligned to VG_ARENA_ALIGN.
+bool  vg_arena_begin(vg_arena* arena, void* memory, size_t size);
 /// Zeroed memory, or null where it does not fit (arena->failed) or the arena is measuring.
 void* vg_arena_take(vg_arena* arena, size_t size);
 void  vg_arena_empty(vg_arena* arena);

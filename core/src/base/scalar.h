@@ -36,6 +36,24 @@ static inline double vg_square(double x) { return x * x; }
 /// Neither NaN nor infinite. A build with -ffinite-math-only would make this always true; core's
 /// flags exclude it.
 static inline bool vg_finite(double x) { return x - x == 0.0; }
+/// Seconds from one instant [us] to another, whatever they are.
+static inline double vg_seconds_between(int64_t from, int64_t to)
+{
+    int64_t us = 0;
+    if (__builtin_sub_overflow(to, from, &us)) {
+        return to > from ? VG_HUGE : -VG_HUGE;
+    }
+    return (double)us * 1e-6;
+}
+/// Members of a set.
+static inline uint32_t vg_bits(uint64_t set)
+{
+    uint32_t count = 0;
+    for (; set != 0; set &= set - 1u) {
+        ++count;
+    }
+    return count;
+}
 /// Into (-pi, pi]. |x| <= 1e6.
 double vg_wrap_angle(double x);
 

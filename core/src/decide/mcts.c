@@ -65,7 +65,7 @@ static void   search_tree(search* self, uint32_t budget);
 static void   iterate(search* self, int32_t root);
 static void   polish(search* self, uint32_t budget);
 static double simulate_line(search* self, uint32_t from, const vg_joint_actions* wish);
-static void   replay(search* self, const vg_joint_actions* line, vg_decision* decision);
+static void   replay(search* self, const vg_joint_actions* line);
 static double switched(const search* self, const vg_joint_actions* kept);
 static uint8_t wish_of(const vg_joint_actions* wish, uint32_t step_index, uint32_t slot);
 
@@ -175,15 +175,15 @@ static int32_t new_node(search* self, int32_t parent, const uint8_t* actions, co
 
 // ---------------------------------------------------------------------------- run
 
-void vg_mcts_run(vg_tree* tree, const vg_model* scene, const vg_flow* root, vg_random* random,
-                 const vg_joint_actions* warm, vg_decision* decision)
+void vg_search_run(vg_tree* tree, const vg_model* scene, const vg_flow* root, vg_random* random,
+                   const vg_joint_actions* warm, vg_joint_actions* line, verge_search_report* report)
 {
     const verge_planner_def* def = scene->def;
-    memset(&decision->report, 0, sizeof decision->report);
+    memset(report, 0, sizeof *report);
     tree->count = 0;
     tree->stride = state_size(scene->count, scene->controlled_count);
     search self = { .tree = tree, .scene = scene, .random = random, .best_reward = -1.0,
-                    .report = &decision->report };
+                    .report = report };
     self.flow = &self.buffer[0];
     self.next = &self.buffer[1];
     self.buffer[0] = self.buffer[1] = *root;
@@ -208,9 +208,10 @@ void vg_mcts_run(vg_tree* tree, const vg_model* scene, const vg_flow* root, vg_r
             self.best = kept;
         }
     }
-    replay(&self, &self.best, decision);
-    decision->report.nodes = tree->count;
-    decision->report.bound = vg_flow_bound(scene, root);
+    replay(&self, &self.best);
+    *line = self.line;
+    report->nodes = tree->count;
+    report->bound = vg_flow_bound(scene, root);
 }
 
 // Share of X_flow that belongs to those whose lane changes are others than in the line kept: to
@@ -709,11 +710,10 @@ static void polish(search* self, uint32_t budget)
 // ---------------------------------------------------------------------------- the answer
 
 // The plan step by step, to the horizon: a line that ended early is driven on as it is.
-static void replay(search* self, const vg_joint_actions* line, vg_decision* decision)
+static void replay(search* self, const vg_joint_actions* line)
 {
     const vg_model* scene = self->scene;
     load_state(self, 0, self->flow);
-    decision->flows[0] = *self->flow;
     self->line.step_count = 0;
     bool ended_early = false;
     for (uint32_t t = 0; t < scene->def->steps; ++t) {
@@ -726,16 +726,8 @@ static void replay(search* self, const vg_joint_actions* line, vg_decision* deci
             ended_early = true;
             self->report->reward = vg_flow_reward(scene, self->flow, t, true);
         }
-        const vg_flow before = *self->flow;
         step(self, actions);
-        decision->flows[t + 1u] = *self->flow;
-        for (uint32_t i = 0; i < scene->count; ++i) {
-            const bool planned = i < scene->controlled_count;
-            const uint32_t along = planned ? vg_actions[actions[i]].along : VG_KEEP_SPEED;
-            decision->way[t][i] = (self->moves.station[along][i] - before.station[i]) * before.rate[i];
-        }
     }
-    decision->line = self->line;
     // Where no simulation went without a conflict, what is returned ends as badly as they did.
     const bool whole = self->best_reward >= 0.0;
     if (!ended_early) {

@@ -16,6 +16,7 @@
 
 #include "base/random.h"
 #include "traffic/flow.h"
+#include "verge/decision.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -27,14 +28,6 @@ typedef struct vg_joint_actions {
     uint8_t  actions[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX];
 } vg_joint_actions;
 
-/// What the search decided, with the flow at every step.
-typedef struct vg_decision {
-    vg_joint_actions line; ///< def->steps steps
-    vg_flow flows[VERGE_STEPS_MAX + 1];
-    float   way[VERGE_STEPS_MAX][VERGE_VEHICLES_MAX]; ///< [m] driven in each step
-    verge_search_report report;
-} vg_decision;
-
 typedef struct vg_tree vg_tree;
 
 /// Takes a tree from the arena: def->nodes_max nodes of def->vehicles_max vehicles.
@@ -42,9 +35,10 @@ vg_tree* vg_tree_take(vg_arena* arena, const verge_planner_def* def);
 /// Bytes a node takes with these counts.
 uint32_t vg_node_size(uint32_t vehicle_count, uint32_t controlled_count);
 
-/// warm: a line to start from (its reward is taken anew), or null.
-void vg_mcts_run(vg_tree* tree, const vg_model* scene, const vg_flow* root, vg_random* random,
-                 const vg_joint_actions* warm, vg_decision* decision);
+/// warm: actions to start from (their reward is computed anew), or null. line: def->steps steps as the
+/// vehicles drive them.
+void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg_random* random,
+                   const vg_joint_actions* warm, vg_joint_actions* line, verge_search_report* report);
 
 #ifdef __cplusplus
 }

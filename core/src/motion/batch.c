@@ -41,15 +41,26 @@ typedef struct scene {
 
 static void lanes_begin(lanes* l, const vg_row* row, const double* offsets, double rear_axle);
 static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* scene);
-static other other_at(const vg_track* track, uint32_t k);
+static other other_at(const verge_track* track, uint32_t k);
 static bool out_of_reach(const envelope* e, const vg_reference* line, const scene* scene,
                          const other* o);
 static void lanes_meet(lanes* restrict l, const scene* scene, const other* o);
 static void lanes_end(const lanes* l, const verge_weights* weights, bool in_lane, double* costs,
                       uint8_t* marks);
 
+void vg_batch_take(vg_batch* batch, vg_arena* arena, const verge_planner_def* def)
+{
+    const size_t legs = def->sample_speeds, offsets = def->sample_offsets;
+    batch->offsets = vg_arena_take(arena, offsets * sizeof *batch->offsets);
+    batch->legs = vg_arena_take(arena, legs * sizeof *batch->legs);
+    batch->leg_penalties = vg_arena_take(arena, legs * sizeof *batch->leg_penalties);
+    batch->offset_penalties = vg_arena_take(arena, offsets * sizeof *batch->offset_penalties);
+    batch->costs = vg_arena_take(arena, legs * offsets * sizeof *batch->costs);
+    batch->marks = vg_arena_take(arena, legs * offsets * sizeof *batch->marks);
+}
+
 void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_weights* weights,
-                  const vg_tracks* tracks, uint32_t own)
+                  const verge_tracks* tracks, uint32_t own)
 {
     VERGE_ASSERT(batch->offset_count % VG_LANES == 0);
     VERGE_ASSERT(batch->last < VERGE_POINTS_MAX && batch->start < batch->last);
@@ -139,7 +150,7 @@ static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* sc
     return e;
 }
 
-static other other_at(const vg_track* track, uint32_t k)
+static other other_at(const verge_track* track, uint32_t k)
 {
     other o = { track->x[k], track->y[k], track->cos_heading[k], track->sin_heading[k],
                 track->speed[k], track->half_length, track->half_width,

@@ -12,7 +12,6 @@ extern "C" {
 
 enum {
     VG_LANES = 8, ///< candidates of one inner loop: end offsets that share a profile
-    VG_CANDIDATES_MAX = VERGE_SAMPLE_SPEEDS_MAX * VERGE_SAMPLE_OFFSETS_MAX,
 };
 
 /// What a candidate may be marked with.
@@ -29,17 +28,20 @@ typedef struct vg_batch {
     bool     in_lane;          ///< the offset term is active
     vg_comfort comfort;
     uint32_t leg_count, offset_count;
-    double   offsets[VERGE_SAMPLE_OFFSETS_MAX];  ///< [m] lateral end offsets
-    vg_leg   legs[VERGE_SAMPLE_SPEEDS_MAX];      ///< all of one vehicle
-    double   leg_penalties[VERGE_SAMPLE_SPEEDS_MAX];     ///< [1] added to the cost for the
-    double   offset_penalties[VERGE_SAMPLE_OFFSETS_MAX]; ///< order of choice only
-    double   costs[VG_CANDIDATES_MAX];           ///< [leg * offset_count + offset]
-    uint8_t  marks[VG_CANDIDATES_MAX];
+    double*  offsets;          ///< [sample_offsets] [m] lateral end offsets
+    vg_leg*  legs;             ///< [sample_speeds]
+    double*  leg_penalties;    ///< [sample_speeds] [1] added to the cost for the
+    double*  offset_penalties; ///< [sample_offsets] order of choice only
+    double*  costs;            ///< [leg * offset_count + offset]
+    uint8_t* marks;            ///< [leg * offset_count + offset]
 } vg_batch;
+
+/// Takes the arrays of a batch of def->sample_speeds x def->sample_offsets candidates.
+void vg_batch_take(vg_batch* batch, vg_arena* arena, const verge_planner_def* def);
 
 /// Fills costs and marks. The alarm may be false, its absence is a proof.
 void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_weights* weights,
-                  const vg_tracks* tracks, uint32_t own);
+                  const verge_tracks* tracks, uint32_t own);
 
 #ifdef __cplusplus
 }

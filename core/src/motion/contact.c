@@ -4,12 +4,12 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 
-static bool step_is_far(const vg_track* a, const vg_track* b, double clearance, uint32_t k);
-static bool step_touches(const vg_track* a, const vg_track* b, double clearance, uint32_t k);
-static double turn_of(const vg_track* track, uint32_t k);
-static vg_rectangle body_between(const vg_track* track, uint32_t k, double share);
+static bool step_is_far(const verge_track* a, const verge_track* b, double clearance, uint32_t k);
+static bool step_touches(const verge_track* a, const verge_track* b, double clearance, uint32_t k);
+static double turn_of(const verge_track* track, uint32_t k);
+static vg_rectangle body_between(const verge_track* track, uint32_t k, double share);
 
-uint32_t vg_contact_first(const vg_track* a, const vg_track* b, double clearance, uint32_t from,
+uint32_t vg_contact_first(const verge_track* a, const verge_track* b, double clearance, uint32_t from,
                           uint32_t to)
 {
     VERGE_ASSERT(to < VERGE_POINTS_MAX);
@@ -21,7 +21,7 @@ uint32_t vg_contact_first(const vg_track* a, const vg_track* b, double clearance
     return to + 1;
 }
 
-bool vg_contact_at(const vg_track* a, const vg_track* b, double clearance, uint32_t k)
+bool vg_contact_at(const verge_track* a, const verge_track* b, double clearance, uint32_t k)
 {
     vg_rectangle body = body_between(a, k, 1.0);
     const vg_rectangle other = body_between(b, k, 1.0);
@@ -30,7 +30,7 @@ bool vg_contact_at(const vg_track* a, const vg_track* b, double clearance, uint3
     return vg_rectangle_overlap(&body, &other);
 }
 
-uint32_t vg_contact_new(const vg_track* a, const vg_track* b, double clearance, uint32_t to)
+uint32_t vg_contact_new(const verge_track* a, const verge_track* b, double clearance, uint32_t to)
 {
     if (!vg_contact_at(a, b, clearance, 0)) {
         return vg_contact_first(a, b, clearance, 0, to);
@@ -43,7 +43,7 @@ uint32_t vg_contact_new(const vg_track* a, const vg_track* b, double clearance, 
 }
 
 /// The coarse filter: circles around both bodies and all they pass through in the step.
-static bool step_is_far(const vg_track* a, const vg_track* b, double clearance, uint32_t k)
+static bool step_is_far(const verge_track* a, const verge_track* b, double clearance, uint32_t k)
 {
     const double x = b->x[k] - a->x[k], y = b->y[k] - a->y[k];
     const double x0 = b->x[k - 1] - a->x[k - 1], y0 = b->y[k - 1] - a->y[k - 1];
@@ -52,7 +52,7 @@ static bool step_is_far(const vg_track* a, const vg_track* b, double clearance, 
     return x * x + y * y > reach * reach;
 }
 
-static bool step_touches(const vg_track* a, const vg_track* b, double clearance, uint32_t k)
+static bool step_touches(const verge_track* a, const verge_track* b, double clearance, uint32_t k)
 {
     // Half of what the bodies move against each other in one part, corners included.
     const double x = (b->x[k] - b->x[k - 1]) - (a->x[k] - a->x[k - 1]);
@@ -73,7 +73,7 @@ static bool step_touches(const vg_track* a, const vg_track* b, double clearance,
 }
 
 /// How far a corner swings in the step, at most. [m]
-static double turn_of(const vg_track* track, uint32_t k)
+static double turn_of(const verge_track* track, uint32_t k)
 {
     return (track->half_length + track->half_width)
          * (vg_abs(track->cos_heading[k] - track->cos_heading[k - 1])
@@ -81,7 +81,7 @@ static double turn_of(const vg_track* track, uint32_t k)
 }
 
 /// The body at a share of the way from sample k - 1 to sample k.
-static vg_rectangle body_between(const vg_track* track, uint32_t k, double share)
+static vg_rectangle body_between(const verge_track* track, uint32_t k, double share)
 {
     const uint32_t j = k > 0 ? k - 1 : 0;
     const double* cosine = track->cos_heading;

@@ -3,7 +3,8 @@
 #ifndef VG_CONTACT_H
 #define VG_CONTACT_H
 
-#include "motion/track.h"
+#include "geometry/rectangle.h"
+#include "verge/trajectory.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -16,16 +17,16 @@ enum { VG_CONTACT_PARTS = 5 };
 /// First index k in (from, to] such that a and b touch on the way from sample k - 1 to sample k,
 /// with `clearance` [m] of free space on every side; to + 1: they do not touch.
 /// Never misses a contact: each part is tested with the bodies grown by what they can move in it.
-uint32_t vg_contact_first(const vg_track* a, const vg_track* b, double clearance, uint32_t from,
+uint32_t vg_contact_first(const verge_track* a, const verge_track* b, double clearance, uint32_t from,
                           uint32_t to);
 
 /// Do they touch at sample k?
-bool vg_contact_at(const vg_track* a, const vg_track* b, double clearance, uint32_t k);
+bool vg_contact_at(const verge_track* a, const verge_track* b, double clearance, uint32_t k);
 
 /// First index in (0, to] with a contact that counts: one that is there at sample 0 already may
 /// last, until it ends. What is closer than the clearance at sample 0 may come closer, but not
 /// touch. to + 1: none.
-uint32_t vg_contact_new(const vg_track* a, const vg_track* b, double clearance, uint32_t to);
+uint32_t vg_contact_new(const verge_track* a, const verge_track* b, double clearance, uint32_t to);
 
 #ifdef __cplusplus
 }

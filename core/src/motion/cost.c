@@ -2,14 +2,14 @@
 /// test holds them together.
 #include "motion/cost.h"
 
-vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const vg_track* own,
+vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const verge_track* own,
                                double rear_axle)
 {
     return (vg_alert_zone){ own->half_length, own->half_width, rear_axle, def->reaction_s,
                             def->headway_s, def->alert_cost, def->alert_continuous != 0 };
 }
 
-double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const vg_track* other,
+double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const verge_track* other,
                      uint32_t index)
 {
     const double c = rear->cos_heading, s = rear->sin_heading;
@@ -25,7 +25,7 @@ double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const vg_tr
 
 verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_t last,
                        const verge_planner_def* def, const verge_weights* weights,
-                       const vg_tracks* tracks, uint32_t own, bool in_lane)
+                       const verge_tracks* tracks, uint32_t own, bool in_lane)
 {
     const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own], leg->limits->rear_axle);
     verge_cost cost = { 0 };

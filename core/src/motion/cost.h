@@ -5,7 +5,7 @@
 #define VG_COST_H
 
 #include "motion/kinematics.h"
-#include "motion/track.h"
+#include "verge/trajectory.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -62,17 +62,17 @@ static inline double vg_heading_square(double cosine, double sine)
 }
 
 /// J_obs(t, j) for a body with its motion and a track at instant `index`, written straight.
-double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const vg_track* other,
+double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const verge_track* other,
                      uint32_t index);
 
-vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const vg_track* own,
+vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const verge_track* own,
                                double rear_axle);
 
 /// Weighted cost of one leg at instants first .. last (indices of the trajectory, leg time 0 at
 /// `start`), one point and one track after the other. in_lane: the offset term is active.
 verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_t last,
                        const verge_planner_def* def, const verge_weights* weights,
-                       const vg_tracks* tracks, uint32_t own, bool in_lane);
+                       const verge_tracks* tracks, uint32_t own, bool in_lane);
 
 #ifdef __cplusplus
 }

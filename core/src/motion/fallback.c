@@ -38,12 +38,12 @@ static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_stat
 static void straight_path(vg_path* path, const vg_motion* from);
 static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_path* path,
                            const vg_state* state, double level, double jerk);
-static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+static verdict judge(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                      const vg_leg* leg, double braking);
-static bool presses(const vg_track* body, const vg_track* other, uint32_t last);
+static bool presses(const verge_track* body, const verge_track* other, uint32_t last);
 static bool better(const verdict* a, const verdict* b);
 
-void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                           verge_vehicle_plan* plan, verge_reason reason)
 {
     const verge_planner_def* def = job->def;
@@ -121,7 +121,7 @@ static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_
 }
 
 /// braking: what a dead end may ask for after the horizon. [m/s^2]
-static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+static verdict judge(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                      const vg_leg* leg, double braking)
 {
     const verge_planner_def* def = job->def;
@@ -152,7 +152,7 @@ static verdict judge(vg_workspace* ws, const vg_job* job, const vg_tracks* track
 }
 
 /// Does the body go deeper into one in front that it overlaps from the start?
-static bool presses(const vg_track* body, const vg_track* other, uint32_t last)
+static bool presses(const verge_track* body, const verge_track* other, uint32_t last)
 {
     double first = 0.0;
     for (uint32_t k = 0; k <= last && vg_contact_at(body, other, 0.0, k); k += 1) {

@@ -10,7 +10,7 @@
 /// The shortest stop. [s]
 #define STOP_MIN 1e-2
 
-static double room_behind(const vg_following* f, const vg_state* from, const vg_track* other,
+static double room_behind(const vg_following* f, const vg_state* from, const verge_track* other,
                           double reach, double* speed);
 static double end_speed(double room, double leader, const vg_state* from, double T, double b);
 static double stop_within(double room, const vg_state* from, double T);
@@ -35,10 +35,10 @@ double vg_follow_speed(const vg_following* f, const vg_state* from, double braki
 
 /// Way [m] up to the gap behind another body at the end of the segment, and its speed then along
 /// the path; VG_HUGE: it is not ahead in the path.
-static double room_behind(const vg_following* f, const vg_state* from, const vg_track* other,
+static double room_behind(const vg_following* f, const vg_state* from, const verge_track* other,
                           double reach, double* speed)
 {
-    const vg_track* own = &f->tracks->of[f->own];
+    const verge_track* own = &f->tracks->of[f->own];
     const vg_reference here = vg_path_at(f->path, from->s);
     const double x0 = other->x[f->start] - here.x, y0 = other->y[f->start] - here.y;
     const double x = other->x[f->last] - here.x, y = other->y[f->last] - here.y;

@@ -5,7 +5,7 @@
 #define VG_FOLLOW_H
 
 #include "motion/kinematics.h"
-#include "motion/track.h"
+#include "verge/trajectory.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -17,7 +17,7 @@ extern "C" {
 /// One segment for which a distance is kept.
 typedef struct vg_following {
     const vg_path*   path;
-    const vg_tracks* tracks;
+    const verge_tracks* tracks;
     uint32_t own;          ///< index of the own track
     double   rear_axle;    ///< [m] behind the own centre
     uint32_t start, last;  ///< instants of the trajectory the segment lies between

@@ -13,20 +13,20 @@
 typedef struct tasks {
     vg_workspace* const* workspaces;
     const vg_job*        jobs;
-    const vg_tracks*     tracks;
+    const verge_tracks*     tracks;
     verge_vehicle_plan*  plans;
 } tasks;
 
 static void plan_one(void* arg, uint32_t index);
-static void settle(const vg_workspace* ws, const vg_job* job, vg_tracks* tracks);
-static bool touch(const vg_tracks* tracks, const vg_job* a, const vg_job* b);
-static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const vg_tracks* tracks,
+static void settle(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks);
+static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b);
+static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const verge_tracks* tracks,
                        const verge_vehicle_plan* plans, uint32_t pass);
 static void force_apart(vg_workspace* const* workspaces, const vg_job* jobs, uint32_t count,
-                        vg_tracks* tracks, verge_vehicle_plan* plans);
+                        verge_tracks* tracks, verge_vehicle_plan* plans);
 
 uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs,
-                             uint32_t job_count, vg_tracks* tracks, verge_vehicle_plan* plans,
+                             uint32_t job_count, verge_tracks* tracks, verge_vehicle_plan* plans,
                              uint32_t* replanned_count)
 {
     *replanned_count = 0;
@@ -79,9 +79,9 @@ static void plan_one(void* arg, uint32_t index)
 }
 
 /// The planned trajectory takes the place of the prediction.
-static void settle(const vg_workspace* ws, const vg_job* job, vg_tracks* tracks)
+static void settle(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks)
 {
-    vg_track* track = &tracks->of[job->track_index];
+    verge_track* track = &tracks->of[job->track_index];
     for (uint32_t k = 0; k < job->def->points; k += 1) {
         track->x[k] = ws->body.x[k];
         track->y[k] = ws->body.y[k];
@@ -91,7 +91,7 @@ static void settle(const vg_workspace* ws, const vg_job* job, vg_tracks* tracks)
     }
 }
 
-static bool touch(const vg_tracks* tracks, const vg_job* a, const vg_job* b)
+static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b)
 {
     const uint32_t last = a->def->points - 1;
     return vg_contact_new(&tracks->of[a->track_index], &tracks->of[b->track_index], 0.0, last)
@@ -101,7 +101,7 @@ static bool touch(const vg_tracks* tracks, const vg_job* a, const vg_job* b)
 /// Of two that touch the later id yields, unless exactly one is a fallback: then the other one
 /// does, which still has a choice. Two fallbacks have none; but one that fell back before a mere
 /// prediction of a planned vehicle gets a second chance against its trajectory.
-static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const vg_tracks* tracks,
+static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const verge_tracks* tracks,
                        const verge_vehicle_plan* plans, uint32_t pass)
 {
     if (plans[i].status != VERGE_PLANNED) {
@@ -118,7 +118,7 @@ static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const vg_
 
 /// Whatever is still planned into another one falls back, so that a contact is never unsaid.
 static void force_apart(vg_workspace* const* workspaces, const vg_job* jobs, uint32_t count,
-                        vg_tracks* tracks, verge_vehicle_plan* plans)
+                        verge_tracks* tracks, verge_vehicle_plan* plans)
 {
     for (uint32_t i = 0; i < count; i += 1) {
         for (uint32_t j = 0; j < i; j += 1) {

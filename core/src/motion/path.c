@@ -34,13 +34,23 @@ static void set_step(piece* self, const vg_reference* held, const vg_reference* 
 static void point_of(const pieces* all, double s, double* x, double* y);
 static void fade(const piece* self, double way, double direction, double* x, double* y);
 
+void vg_path_take(vg_path* path, vg_arena* arena, uint32_t knots_max)
+{
+    VERGE_ASSERT(knots_max >= 8 && knots_max <= VG_PATH_KNOTS_MAX);
+    double** const arrays[] = { &path->x, &path->y, &path->xss, &path->yss, &path->h, &path->work };
+    path->knots_max = knots_max;
+    for (uint32_t i = 0; i < sizeof arrays / sizeof arrays[0]; ++i) {
+        *arrays[i] = vg_arena_take(arena, knots_max * sizeof(double));
+    }
+}
+
 void vg_path_build(vg_path* path, const struct verge_road* road, uint32_t lane, int32_t target,
                    double s_from, double s_to)
 {
     VERGE_ASSERT(lane < road->lane_count && target < (int32_t)road->lane_count);
     VERGE_ASSERT(vg_finite(s_from) && vg_finite(s_to));
 
-    const double length_max = VG_KNOT_SPACING * (double)(VG_PATH_KNOTS_MAX - 1);
+    const double length_max = VG_KNOT_SPACING * (double)(path->knots_max - 1u);
     const double length = vg_clamp(s_to - s_from, 4.0, length_max);
     pieces all;
     all.before[0] = all.behind[0] = (piece){ .lane = &road->lanes[lane] };
@@ -49,18 +59,17 @@ void vg_path_build(vg_path* path, const struct verge_road* road, uint32_t lane, 
     collect_before(&all, road, lane, s_from);
 
     const double intervals = length / VG_KNOT_SPACING;
-    const uint32_t whole = (uint32_t)intervals; // 4 .. VG_PATH_KNOTS_MAX - 1
+    const uint32_t whole = (uint32_t)intervals; // 4 .. knots_max - 1
     path->knot_count = whole + ((double)whole < intervals ? 2u : 1u);
     path->knot_spacing = length / (double)(path->knot_count - 1);
     path->start = s_from;
     path->anchor = lane;
-    double h[VG_PATH_KNOTS_MAX], work[VG_PATH_KNOTS_MAX];
     for (uint32_t i = 0; i < path->knot_count; ++i) {
-        h[i] = path->knot_spacing;
+        path->h[i] = path->knot_spacing;
         point_of(&all, s_from + path->knot_spacing * (double)i, &path->x[i], &path->y[i]);
     }
-    vg_spline_solve(path->x, h, path->knot_count, NULL, path->xss, work);
-    vg_spline_solve(path->y, h, path->knot_count, NULL, path->yss, work);
+    vg_spline_solve(path->x, path->h, path->knot_count, NULL, path->xss, path->work);
+    vg_spline_solve(path->y, path->h, path->knot_count, NULL, path->yss, path->work);
 }
 
 static void collect_behind(pieces* all, const struct verge_road* road, uint32_t lane,

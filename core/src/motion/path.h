@@ -12,13 +12,16 @@ extern "C" {
 /// lanes that continue it, joined into one C2 spline; beyond the last lane it goes on straight.
 enum { VG_PATH_KNOTS_MAX = 640 };
 typedef struct vg_path {
-    uint32_t knot_count;
+    uint32_t knot_count, knots_max;
     double   knot_spacing;         ///< [m] uniform
     double   start;                ///< [m] path coordinate of knot 0 (<= 0: before the anchor lane's s = 0)
-    double   x[VG_PATH_KNOTS_MAX], y[VG_PATH_KNOTS_MAX];
-    double   xss[VG_PATH_KNOTS_MAX], yss[VG_PATH_KNOTS_MAX];
+    double  *x, *y, *xss, *yss;    ///< [knots_max] of the arena
+    double  *h, *work;             ///< [knots_max] of the arena, while the spline is fitted
     uint32_t anchor;               ///< lane index; the path coordinate equals the anchor lane's s on it
 } vg_path;
+
+/// Takes the arrays of a path of up to knots_max knots, 8 .. VG_PATH_KNOTS_MAX.
+void vg_path_take(vg_path* path, vg_arena* arena, uint32_t knots_max);
 
 /// Path along `lane` (index) towards `target` (index or -1), covering [s_from, s_to] of the lane's
 /// s, which may lie before its start or beyond its end. Cut to what fits; s_to - s_from <= 600.

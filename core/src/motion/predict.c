@@ -1,75 +1,223 @@
-/// See predict.h. Longitudinal motion inside a decision step has constant acceleration; lateral
-/// motion is a cubic through the steps' ends, at rest where a run of changes begins or ends.
+/// Where every vehicle will be at the trajectory's instants (section 3.2.2: "first predicts"):
+/// vehicles with a decision along their action steps, all others by lane keeping behind them.
+/// Longitudinal motion inside a decision step has constant acceleration; lateral motion is a cubic
+/// through the steps' ends, at rest where a run of lane changes begins or ends.
+#include "verge/trajectory.h"
 
-#include "motion/predict.h"
-
+#include "base/arena.h"
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "motion/expected.h"
 #include "traffic/advance.h"
 
 #include <string.h>
 
 // Below this the direction of the body is the lane's. [m/s]
 static const double standing = 0.5;
-
 // A human that drifts slower than this keeps its place in the lane. [m/s]
 static const double drift_min = 0.4;
 // Where no lane is beside, a drift ends after this. [m]
 static const double drift_free = 0.5;
 
-// A human's way across its lane: as measured, until it reaches the next centre in that direction.
+// A human's motion across its lane: as measured, until it reaches the next centre in that direction.
 typedef struct drift {
     double rate;  // [m/s] to the left
     double until; // [m] d
 } drift;
 
-static drift drift_of(const vg_model* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot);
-static double go_across(const drift* way, double dt, float* d);
-static void start_pose(vg_track* track, const verge_vehicle* vehicle);
-static void drive_straight(vg_track* track, const verge_vehicle* vehicle, const verge_planner_def* def);
-static void decided_state(const vg_model* scene, const vg_decision* decision, uint32_t slot, double t,
-                          vg_flow* now, double* d_rate);
-static void note(vg_track* track, const vg_model* scene, const vg_flow* now, uint32_t slot, double d_rate,
-                 uint32_t k);
+struct verge_predictor {
+    verge_planner_def def;
+    vg_pairs*    pairs;
+    vg_model*    model;
+    vg_flow*     flows;    // [3] at t = 0, now and one instant later
+    vg_expected* expected; // [controlled_max]
+    drift*       drifts;   // [vehicles_max]
+};
 
-void vg_predict_tracks(vg_tracks* tracks, const vg_model* scene, const vg_flow* root,
-                       const vg_decision* decision, const verge_vehicle* vehicles,
-                       const vg_placed* placed, uint32_t vehicle_count)
+static verge_predictor* take(vg_arena* arena, const verge_planner_def* def);
+static bool read_decision(verge_predictor* self, const verge_scene* scene, const verge_decision* decision);
+static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle, uint32_t slot);
+static double drift_step(const drift* across, double dt, float* d);
+static void drive_straight(verge_track* track, const verge_vehicle* vehicle, const verge_planner_def* def);
+static void set_decided_state(const verge_predictor* self, uint32_t slot, double t, vg_flow* now,
+                              double* d_rate);
+static void set_pose(const verge_predictor* self, verge_track* track, const vg_flow* now, uint32_t slot,
+                     double d_rate, uint32_t k);
+
+// ---------------------------------------------------------------------------- memory
+
+size_t verge_predictor_memory_size(const verge_planner_def* def)
 {
-    VERGE_ASSERT(vehicle_count <= VERGE_VEHICLES_MAX);
-    const verge_planner_def* def = scene->def;
-    tracks->count = vehicle_count;
-    for (uint32_t i = 0; i < vehicle_count; ++i) {
-        start_pose(&tracks->of[i], &vehicles[i]);
-        if (!placed[i].on_road) {
-            drive_straight(&tracks->of[i], &vehicles[i], def);
+    vg_arena arena;
+    vg_arena_init(&arena, NULL, 0);
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return 0;
+    }
+    (void)take(&arena, def);
+    return arena.used;
+}
+
+verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def, void* memory,
+                                  size_t size)
+{
+    VERGE_ASSERT(predictor != NULL);
+    *predictor = NULL;
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return VERGE_ERR_DEF;
+    }
+    vg_arena arena;
+    if (!vg_arena_begin(&arena, memory, size)) {
+        return VERGE_ERR_MEMORY;
+    }
+    verge_predictor* self = take(&arena, def);
+    *predictor = arena.failed ? NULL : self;
+    return *predictor == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+}
+
+static verge_predictor* take(vg_arena* arena, const verge_planner_def* def)
+{
+    verge_predictor* self = vg_arena_take(arena, sizeof *self);
+    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max);
+    vg_model* model = vg_arena_take(arena, sizeof *model);
+    vg_flow* flows = vg_arena_take(arena, 3 * sizeof *flows);
+    vg_expected* expected = vg_arena_take(arena, def->controlled_max * sizeof *expected);
+    drift* drifts = vg_arena_take(arena, def->vehicles_max * sizeof *drifts);
+    if (self != NULL) {
+        *self = (verge_predictor){ *def, pairs, model, flows, expected, drifts };
+        self->def.road = (verge_road_def){ NULL, 0 };
+    }
+    return self;
+}
+
+// ---------------------------------------------------------------------------- tracks
+
+// Vehicles of the scene that have a decision (bits).
+static uint64_t decided_vehicles(const verge_scene* scene, const verge_decision* decision)
+{
+    uint64_t set = 0;
+    for (uint32_t i = 0; decision != NULL && i < decision->vehicle_count; ++i) {
+        const int32_t k = verge_scene_find(scene, decision->vehicles[i].vehicle_id);
+        set |= k >= 0 && scene->positions[k].lane_id != VERGE_NO_LANE ? (uint64_t)1 << k : 0;
+    }
+    return set;
+}
+
+verge_status verge_predict(verge_predictor* self, const verge_scene* scene,
+                           const verge_decision* decision, verge_tracks* tracks)
+{
+    VERGE_ASSERT(self != NULL && scene != NULL && tracks != NULL);
+    const verge_planner_def* def = &self->def;
+    const uint32_t count = scene->vehicle_count;
+    const uint64_t decided = decided_vehicles(scene, decision);
+    if (count > def->vehicles_max || count > tracks->tracks_max || vg_bits(decided) > def->controlled_max) {
+        return VERGE_ERR_CAPACITY;
+    }
+    vg_flow *root = &self->flows[0], *now = &self->flows[1], *next = &self->flows[2];
+    vg_model_from(self->model, root, def, self->pairs, scene, decided);
+    if (decided != 0 && !read_decision(self, scene, decision)) {
+        return VERGE_ERR_DEF;
+    }
+    tracks->count = count;
+    for (uint32_t i = 0; i < count; ++i) {
+        verge_track_begin(&tracks->of[i], &scene->vehicles[i]);
+        if (scene->positions[i].lane_id == VERGE_NO_LANE) {
+            drive_straight(&tracks->of[i], &scene->vehicles[i], def);
         }
     }
-    drift drifts[VERGE_VEHICLES_MAX];
-    for (uint32_t slot = 0; slot < scene->count; ++slot) {
-        drifts[slot] = drift_of(scene, root, &vehicles[scene->input_index[slot]], slot);
+    for (uint32_t slot = 0; slot < self->model->count; ++slot) {
+        self->drifts[slot] = drift_of(self, &scene->vehicles[self->model->input_index[slot]], slot);
     }
-    vg_flow now, next;
-    memcpy(&now, root, sizeof now);
+    memcpy(now, root, sizeof *now);
     for (uint32_t k = 1; k < def->points; ++k) {
-        vg_flow_follow(scene, &now, def->point_s, &next);
-        memcpy(&now, &next, sizeof now);
-        for (uint32_t slot = 0; slot < scene->count; ++slot) {
+        vg_flow_follow(self->model, now, def->point_s, next);
+        memcpy(now, next, sizeof *now);
+        for (uint32_t slot = 0; slot < self->model->count; ++slot) {
             double d_rate = 0.0;
-            if (slot < scene->controlled_count) {
-                decided_state(scene, decision, slot, (double)k * def->point_s, &now, &d_rate);
-            } else if (drifts[slot].rate != 0.0) {
-                d_rate = go_across(&drifts[slot], def->point_s, &now.d[slot]);
+            if (slot < self->model->controlled_count) {
+                set_decided_state(self, slot, (double)k * def->point_s, now, &d_rate);
+            } else if (self->drifts[slot].rate != 0.0) {
+                d_rate = drift_step(&self->drifts[slot], def->point_s, &now->d[slot]);
             }
-            note(&tracks->of[scene->input_index[slot]], scene, &now, slot, d_rate, k);
+            set_pose(self, &tracks->of[self->model->input_index[slot]], now, slot, d_rate, k);
         }
-        vg_flow_derive(scene, &now);
+        vg_flow_derive(self->model, now);
+    }
+    return VERGE_OK;
+}
+
+static bool read_decision(verge_predictor* self, const verge_scene* scene, const verge_decision* decision)
+{
+    for (uint32_t slot = 0; slot < self->model->controlled_count; ++slot) {
+        const uint32_t i = self->model->input_index[slot];
+        const verge_vehicle_decision* own = verge_decision_of(decision, scene->vehicles[i].id);
+        if (own == NULL || !vg_expected_from(&self->expected[slot], scene, i, own)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+void verge_track_begin(verge_track* track, const verge_vehicle* vehicle)
+{
+    VERGE_ASSERT(track != NULL && vehicle != NULL);
+    track->vehicle_id = vehicle->id;
+    track->controlled = vehicle->controlled;
+    track->half_length = 0.5 * vehicle->length + vehicle->margin;
+    track->half_width = 0.5 * vehicle->width + vehicle->margin;
+    verge_track_set(track, 0, vehicle->x, vehicle->y, vehicle->heading, vehicle->speed);
+}
+
+void verge_track_set(verge_track* track, uint32_t k, double x, double y, double heading, double speed)
+{
+    VERGE_ASSERT(track != NULL && k < VERGE_POINTS_MAX);
+    track->x[k] = x;
+    track->y[k] = y;
+    track->speed[k] = speed;
+    vg_sincos(heading, &track->sin_heading[k], &track->cos_heading[k]);
+}
+
+// Off every lane nothing is known but the motion itself.
+static void drive_straight(verge_track* track, const verge_vehicle* vehicle, const verge_planner_def* def)
+{
+    for (uint32_t k = 1; k < def->points; ++k) {
+        const double distance = vehicle->speed * def->point_s * (double)k;
+        track->x[k] = vehicle->x + distance * track->cos_heading[0];
+        track->y[k] = vehicle->y + distance * track->sin_heading[0];
+        track->cos_heading[k] = track->cos_heading[0];
+        track->sin_heading[k] = track->sin_heading[0];
+        track->speed[k] = vehicle->speed;
     }
 }
 
-static drift drift_of(const vg_model* scene, const vg_flow* root, const verge_vehicle* vehicle, uint32_t slot)
+static void set_pose(const verge_predictor* self, verge_track* track, const vg_flow* now, uint32_t slot,
+                     double d_rate, uint32_t k)
 {
-    const vg_lane* lane = &scene->road->lanes[root->lane[slot]];
+    const verge_road* road = self->model->road;
+    const uint32_t lane = (uint32_t)now->lane[slot];
+    const int32_t target = slot < self->model->controlled_count ? self->model->target[slot] : -1;
+    const double s = vg_lane_s(&road->lanes[lane], (double)now->station[slot]);
+    const vg_reference at = vg_road_at(road, lane, target, s);
+    const double c = at.cos_heading, n = at.sin_heading, d = (double)now->d[slot];
+    track->x[k] = at.x - d * n;
+    track->y[k] = at.y + d * c;
+    const double v = (double)now->v[slot];
+    track->speed[k] = v;
+    track->cos_heading[k] = c;
+    track->sin_heading[k] = n;
+    if (v > standing) {
+        const double norm = 1.0 / vg_sqrt(v * v + d_rate * d_rate);
+        const double along = v * norm, across = d_rate * norm;
+        track->cos_heading[k] = c * along - n * across;
+        track->sin_heading[k] = n * along + c * across;
+    }
+}
+
+// ---------------------------------------------------------------------------- humans across their lane
+
+static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle, uint32_t slot)
+{
+    const vg_flow* root = &self->flows[0];
+    const vg_lane* lane = &self->model->road->lanes[root->lane[slot]];
     const vg_reference at = vg_lane_at(lane, vg_lane_s(lane, (double)root->station[slot]));
     double sine = 0.0, cosine = 1.0;
     vg_sincos(vehicle->heading, &sine, &cosine);
@@ -85,124 +233,66 @@ static drift drift_of(const vg_model* scene, const vg_flow* root, const verge_ve
 }
 
 // One instant on; returns the rate it had. [m/s]
-static double go_across(const drift* way, double dt, float* d)
+static double drift_step(const drift* across, double dt, float* d)
 {
-    const double left = (way->until - (double)*d) * (way->rate > 0.0 ? 1.0 : -1.0);
-    const double step = vg_min(vg_abs(way->rate) * dt, vg_max(left, 0.0));
-    *d += (float)(way->rate > 0.0 ? step : -step);
-    return (way->rate > 0.0 ? step : -step) / dt;
+    const double left = (across->until - (double)*d) * (across->rate > 0.0 ? 1.0 : -1.0);
+    const double step = vg_min(vg_abs(across->rate) * dt, vg_max(left, 0.0));
+    *d += (float)(across->rate > 0.0 ? step : -step);
+    return (across->rate > 0.0 ? step : -step) / dt;
 }
 
-static void start_pose(vg_track* track, const verge_vehicle* vehicle)
-{
-    track->vehicle_id = vehicle->id;
-    track->controlled = vehicle->controlled;
-    track->half_length = 0.5 * vehicle->length + vehicle->margin;
-    track->half_width = 0.5 * vehicle->width + vehicle->margin;
-    track->x[0] = vehicle->x;
-    track->y[0] = vehicle->y;
-    track->speed[0] = vehicle->speed;
-    vg_sincos(vehicle->heading, &track->sin_heading[0], &track->cos_heading[0]);
-}
-
-// Off every lane nothing is known but the motion itself.
-static void drive_straight(vg_track* track, const verge_vehicle* vehicle, const verge_planner_def* def)
-{
-    for (uint32_t k = 1; k < def->points; ++k) {
-        const double way = vehicle->speed * def->point_s * (double)k;
-        track->x[k] = vehicle->x + way * track->cos_heading[0];
-        track->y[k] = vehicle->y + way * track->sin_heading[0];
-        track->cos_heading[k] = track->cos_heading[0];
-        track->sin_heading[k] = track->sin_heading[0];
-        track->speed[k] = vehicle->speed;
-    }
-}
+// ---------------------------------------------------------------------------- decided motion
 
 // Lateral position at the end of step m on the axis of its start.
-static double lateral_end(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t m)
+static double lateral_end(const verge_road* road, const vg_expected* expected, uint32_t m)
 {
-    const vg_flow* from = &decision->flows[m];
-    const vg_flow* to = &decision->flows[m + 1u];
-    const verge_road* road = scene->road;
-    if (road->lanes[from->lane[slot]].bundle == road->lanes[to->lane[slot]].bundle) {
-        return (double)to->y[slot];
+    const vg_expected_state* from = &expected->states[m];
+    const vg_expected_state* to = &expected->states[m + 1u];
+    if (road->lanes[from->lane].bundle == road->lanes[to->lane].bundle) {
+        return (double)to->y;
     }
-    return (double)(from->y[slot] - from->d[slot] + to->d[slot]);
+    return (double)(from->y - from->d + to->d);
 }
 
 // Rate of y [m/s] at the joint before step m.
-static double joint_slope(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t m)
+static double joint_slope(const verge_road* road, const vg_expected* expected, uint32_t m)
 {
-    const vg_joint_actions* line = &decision->line;
-    if (m == 0 || m >= line->step_count || line->actions[m][slot] != line->actions[m - 1u][slot]
-        || !vg_action_changes_lane(line->actions[m][slot])) {
+    const uint8_t* actions = expected->actions;
+    if (m == 0 || m >= expected->step_count || actions[m] != actions[m - 1u]
+        || !vg_action_changes_lane(actions[m])) {
         return 0.0;
     }
-    const double before = lateral_end(scene, decision, slot, m - 1u)
-                          - (double)decision->flows[m - 1u].y[slot];
-    const double after =
-        lateral_end(scene, decision, slot, m) - (double)decision->flows[m].y[slot];
-    return (before + after) / (2.0 * scene->def->step_s);
+    const double before = lateral_end(road, expected, m - 1u) - (double)expected->states[m - 1u].y;
+    const double after = lateral_end(road, expected, m) - (double)expected->states[m].y;
+    return (before + after) / (expected->t[m + 1u] - expected->t[m - 1u]);
 }
 
-static void decided_state(const vg_model* scene, const vg_decision* decision, uint32_t slot, double t,
-                          vg_flow* now, double* d_rate)
+static void set_decided_state(const verge_predictor* self, uint32_t slot, double t, vg_flow* now,
+                              double* d_rate)
 {
-    const double step_s = scene->def->step_s;
+    const verge_road* road = self->model->road;
+    const vg_expected* expected = &self->expected[slot];
     uint32_t m = 0; // the step t lies in
-    while (m + 1u < decision->line.step_count && (double)(m + 1u) * step_s <= t) {
+    while (m + 1u < expected->step_count && expected->t[m + 1u] <= t) {
         ++m;
     }
-    const vg_flow* from = &decision->flows[m];
-    const double into = vg_clamp(t - (double)m * step_s, 0.0, step_s);
+    const double step_s = expected->t[m + 1u] - expected->t[m];
+    const vg_expected_state* from = &expected->states[m];
+    const double into = vg_clamp(t - expected->t[m], 0.0, step_s);
     const double u = into / step_s;
-    const double v0 = (double)from->v[slot];
-    const double v1 = (double)decision->flows[m + 1u].v[slot];
+    const double v0 = (double)from->v;
+    const double v1 = (double)expected->states[m + 1u].v;
     const double whole = 0.5 * (v0 + v1) * step_s;
     const double part = v0 * into + 0.5 * (v1 - v0) * into * u;
-    const double way = whole > 1e-9 ? (double)decision->way[m][slot] * part / whole : 0.0;
-    const double y0 = (double)from->y[slot];
-    const double rise = lateral_end(scene, decision, slot, m) - y0;
-    const double m0 = joint_slope(scene, decision, slot, m) * step_s;
-    const double m1 = joint_slope(scene, decision, slot, m + 1u) * step_s;
+    const double distance = whole > 1e-9 ? (double)expected->distance[m] * part / whole : 0.0;
+    const double y0 = (double)from->y;
+    const double rise = lateral_end(road, expected, m) - y0;
+    const double m0 = joint_slope(road, expected, m) * step_s;
+    const double m1 = joint_slope(road, expected, m + 1u) * step_s;
     const double y = y0 + u * (m0 + u * (3.0 * rise - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * rise)));
     *d_rate = (m0 + u * (2.0 * (3.0 * rise - 2.0 * m0 - m1) + u * 3.0 * (m0 + m1 - 2.0 * rise))) / step_s;
-    now->lane[slot] = from->lane[slot];
-    now->station[slot] = from->station[slot] + (float)way / from->rate[slot];
+    now->lane[slot] = (int32_t)from->lane;
+    now->station[slot] = from->station + (float)distance / from->rate;
     now->v[slot] = (float)(v0 + (v1 - v0) * u);
-    now->d[slot] =
-        (float)y - vg_lane_lateral(&scene->road->lanes[now->lane[slot]], now->station[slot]);
-}
-
-void vg_road_pose(const verge_road* road, uint32_t lane, int32_t target, double s, double d, double* x,
-                  double* y, double* cos_heading, double* sin_heading)
-{
-    lane = vg_road_follow(road, lane, target, &s);
-    const vg_reference at = vg_lane_at(&road->lanes[lane], s);
-    *x = at.x - d * at.sin_heading;
-    *y = at.y + d * at.cos_heading;
-    *cos_heading = at.cos_heading;
-    *sin_heading = at.sin_heading;
-}
-
-static void note(vg_track* track, const vg_model* scene, const vg_flow* now, uint32_t slot, double d_rate,
-                 uint32_t k)
-{
-    const verge_road* road = scene->road;
-    const uint32_t lane = (uint32_t)now->lane[slot];
-    const int32_t target = slot < scene->controlled_count ? scene->target[slot] : -1;
-    const double s = vg_lane_s(&road->lanes[lane], (double)now->station[slot]);
-    double c = 1.0, n = 0.0;
-    vg_road_pose(road, lane, target, s, (double)now->d[slot], &track->x[k], &track->y[k], &c, &n);
-    const double v = (double)now->v[slot];
-    if (v > standing) {
-        const double norm = 1.0 / vg_sqrt(v * v + d_rate * d_rate);
-        const double along = v * norm, across = d_rate * norm;
-        track->cos_heading[k] = c * along - n * across;
-        track->sin_heading[k] = n * along + c * across;
-    } else {
-        track->cos_heading[k] = c;
-        track->sin_heading[k] = n;
-    }
-    track->speed[k] = v;
+    now->d[slot] = (float)y - vg_lane_lateral(&road->lanes[from->lane], now->station[slot]);
 }

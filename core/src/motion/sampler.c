@@ -23,7 +23,7 @@
 /// What a chain needs to know.
 typedef struct chain {
     const vg_job*    job;
-    const vg_tracks* tracks;
+    const verge_tracks* tracks;
     bool emergency;
 } chain;
 
@@ -46,7 +46,7 @@ static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* 
 static uint32_t reference_lane(const vg_job* job, const vg_segment* segment, uint32_t lane);
 static uint32_t instant_of(const vg_job* job, const vg_segment* segment);
 
-void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                                 verge_vehicle_plan* plan)
 {
     VERGE_ASSERT(job->def->points >= 2 && job->def->points <= VERGE_POINTS_MAX);
@@ -250,7 +250,7 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
 static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
                         uint32_t lane, const vg_leg* leg)
 {
-    const vg_track* body = &ws->body;
+    const verge_track* body = &ws->body;
     const uint32_t k0 = batch->start, k = batch->last;
     const double T = job->def->point_s * (k - k0);
     const vg_reference from = vg_path_at(leg->path, leg->s_start + leg->limits->rear_axle);
@@ -285,7 +285,7 @@ static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, con
 /// Exact: does the body touch another one on the way to the end of this leg?
 static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain)
 {
-    const vg_tracks* tracks = chain->tracks;
+    const verge_tracks* tracks = chain->tracks;
     const vg_job* job = chain->job;
     const uint32_t last = batch->last;
     const bool whole = last + 1 == job->def->points;
@@ -293,7 +293,7 @@ static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* 
         if (j == job->track_index) {
             continue;
         }
-        const vg_track* other = &tracks->of[j];
+        const verge_track* other = &tracks->of[j];
         const double clearance = job->def->clearance;
         const bool near = (ws->near_start >> j & 1) != 0;
         bool meets;
@@ -341,28 +341,4 @@ static uint32_t instant_of(const vg_job* job, const vg_segment* segment)
 {
     const double k = segment->t1 / job->def->point_s + 0.5;
     return k >= (double)job->def->points ? job->def->points - 1 : k < 0.0 ? 0 : (uint32_t)k;
-}
-
-double vg_sampler_bench(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
-                        uint32_t count)
-{
-    const chain chain = { job, tracks, false };
-    vg_workspace_begin(ws, job, tracks);
-    ws->first.last = job->def->points - 1;
-    const uint32_t lane = reference_lane(job, &job->segments[0], job->lane);
-    if (!prepare(ws, &ws->first, &chain, &job->segments[0], 0, lane, &ws->start)) {
-        return -1.0;
-    }
-    double sum = 0.0;
-    uint32_t done = 0;
-    while (done < count) {
-        vg_batch_run(&ws->first, job->def, &job->vehicle->habit.weights, tracks, job->track_index);
-        const uint32_t each = ws->first.leg_count * ws->first.offset_count;
-        for (uint32_t i = 0; i < each; i += 1) {
-            sum += vg_finite(ws->first.costs[i]) ? ws->first.costs[i] : 0.0;
-            sum += ws->first.marks[i];
-        }
-        done += each;
-    }
-    return sum;
 }

@@ -4,7 +4,7 @@
 
 #include "road/road.h"
 #include "traffic/actions.h"
-#include "motion/track.h"
+#include "verge/trajectory.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -36,11 +36,9 @@ typedef struct vg_job {
 } vg_job;
 
 typedef struct vg_workspace vg_workspace; ///< one per job, in the planner's arena
-size_t vg_workspace_size(void);
-/// When the lateral motion of the last trajectory's first segment ends: later than the segment
-/// where the steering could not follow otherwise. [s]
-double vg_workspace_settled(const vg_workspace* workspace);
 
+/// Sized by the def's points and samples; null where it does not fit or the arena is measuring.
+vg_workspace* vg_workspace_take(vg_arena* arena, const verge_planner_def* def);
 /// Plans all jobs (ordered by vehicle id): each for itself through the executor, against the
 /// tracks as predicted; then the joint check: where two planned trajectories overlap, the later
 /// id plans again against the earlier one's final trajectory, until nothing overlaps or only
@@ -48,13 +46,8 @@ double vg_workspace_settled(const vg_workspace* workspace);
 /// planned vehicles are overwritten with their final trajectories.
 /// Returns the number of candidate trajectories evaluated.
 uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs,
-                             uint32_t job_count, vg_tracks* tracks, verge_vehicle_plan* plans,
+                             uint32_t job_count, verge_tracks* tracks, verge_vehicle_plan* plans,
                              uint32_t* replanned_count);
-
-/// Evaluates `count` candidates of one segment in full, without choosing: for the benchmark.
-/// Returns a checksum so that nothing is optimised away.
-double vg_sampler_bench(vg_workspace* workspace, const vg_job* job, const vg_tracks* tracks,
-                        uint32_t count);
 
 #ifdef __cplusplus
 }

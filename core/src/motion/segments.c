@@ -1,11 +1,10 @@
-/// See guide.h.
+/// See segments.h.
 
 #include "motion/segments.h"
 
 #include "base/contract.h"
 #include "base/scalar.h"
-#include "motion/target.h"
-#include "traffic/pairs.h"
+#include "traffic/flow.h"
 
 #include <string.h>
 
@@ -17,38 +16,6 @@ static const double complete_within = 0.05;
 static const double finish_min = 1.0;
 // As in flow.c: farther than this from the centre a change is under way. [m]
 static const double finishing_from = 0.3;
-
-static int32_t id_of(const int32_t* ids, int32_t slot)
-{
-    return slot < 0 ? -1 : ids[slot];
-}
-
-void vg_guide_actions(const vg_model* scene, const vg_decision* decision, uint32_t slot,
-                      const int32_t* ids, verge_vehicle_plan* plan)
-{
-    const verge_road* road = scene->road;
-    plan->action_count = decision->line.step_count;
-    for (uint32_t t = 0; t < plan->action_count; ++t) {
-        const vg_flow* after = &decision->flows[t + 1u];
-        const vg_lane* lane = &road->lanes[after->lane[slot]];
-        const uint8_t action = decision->line.actions[t][slot];
-        int32_t ahead = -1, behind = -1;
-        vg_flow_neighbours(scene, after, slot, &ahead, &behind);
-        plan->actions[t] = (verge_action_step){
-            .action = (verge_action)action,
-            .lane_id = lane->id,
-            .t0 = (double)t * scene->def->step_s,
-            .t1 = (double)(t + 1u) * scene->def->step_s,
-            .s = vg_lane_s(lane, (double)after->station[slot]),
-            .d = (double)after->d[slot],
-            .v = (double)after->v[slot],
-            .brake_light = vg_actions[action].brake_light,
-            .turn_signal = vg_actions[action].turn_signal,
-            .ahead_id = id_of(ids, ahead),
-            .behind_id = id_of(ids, behind),
-        };
-    }
-}
 
 // The lane a change is towards, as seen from a lane and an offset on it.
 static uint32_t changed_to(const verge_road* road, uint32_t lane, double d, uint8_t action)
@@ -65,76 +32,72 @@ static uint32_t changed_to(const verge_road* road, uint32_t lane, double d, uint
 
 // A change during which the lane ends: it aims at the neighbour of the lane it began on, whose
 // line goes on beyond the seam.
-static void aim_over_seam(const vg_model* scene, const vg_flow* start, const vg_flow* end, uint32_t slot,
-                          uint8_t action, vg_segment* segment)
+static void aim_over_lane_end(const verge_road* road, const vg_expected_state* start,
+                              const vg_expected_state* end, uint8_t action, vg_segment* segment)
 {
-    const verge_road* road = scene->road;
-    const uint32_t lane = (uint32_t)start->lane[slot];
+    const uint32_t lane = start->lane;
     const bool left = action == VERGE_CHANGE_LEFT;
     const uint32_t beside = changed_to(road, lane, left ? 1.0 : -1.0, action);
-    const double d = (double)start->d[slot];
+    const double d = (double)start->d;
     const bool finishing = left ? d < -finishing_from : d > finishing_from;
     if (finishing || beside == lane) {
         return;
     }
-    const double gap = (double)(left ? start->left_gap[slot] : -start->right_gap[slot]);
+    const double gap = (double)(left ? start->left_gap : -start->right_gap);
     segment->lane = beside;
-    segment->d = vg_road_continues(road, lane, (uint32_t)end->lane[slot]) ? (double)end->d[slot] - gap
-                                                       : (double)end->d[slot];
+    segment->d = vg_road_continues(road, lane, end->lane) ? (double)end->d - gap
+                                                       : (double)end->d;
 }
 
 // Fills in where the run [from, to) is to end; `part` of its last step lies inside the horizon.
-static void aim(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t from,
-                uint32_t to, double part, vg_segment* segment)
+static void aim(const verge_road* road, const vg_expected* expected, uint32_t from, uint32_t to,
+                double part, vg_segment* segment)
 {
-    const verge_road* road = scene->road;
-    const vg_flow* start = &decision->flows[from];
-    const vg_flow* last = &decision->flows[to - 1u];
-    const vg_flow* end = &decision->flows[to];
-    const uint8_t action = decision->line.actions[from][slot];
-    double way = 0.0;
+    const vg_expected_state* start = &expected->states[from];
+    const vg_expected_state* last = &expected->states[to - 1u];
+    const vg_expected_state* end = &expected->states[to];
+    const uint8_t action = expected->actions[from];
+    double distance = 0.0;
     for (uint32_t t = from; t < to; ++t) {
-        way += (double)decision->way[t][slot] * (t + 1u == to ? part : 1.0);
+        distance += (double)expected->distance[t] * (t + 1u == to ? part : 1.0);
     }
-    const vg_lane* lane = &road->lanes[start->lane[slot]];
+    const vg_lane* lane = &road->lanes[start->lane];
     segment->action = (verge_action)action;
-    segment->v = (double)last->v[slot] + part * (double)(end->v[slot] - last->v[slot]);
-    segment->lane = (uint32_t)start->lane[slot];
+    segment->v = (double)last->v + part * (double)(end->v - last->v);
+    segment->lane = start->lane;
     segment->d = 0.0;
-    if (vg_action_changes_lane(action) && road->lanes[end->lane[slot]].bundle == lane->bundle) {
+    if (vg_action_changes_lane(action) && road->lanes[end->lane].bundle == lane->bundle) {
         // Where the change ends decides the lane; a cut change aims at its part of the way.
-        const uint32_t end_lane = (uint32_t)end->lane[slot];
-        const double y = (double)last->y[slot] + part * (double)(end->y[slot] - last->y[slot]);
-        const float station = last->station[slot]
-                              + (float)part * (end->station[slot] - last->station[slot]);
-        segment->lane = changed_to(road, end_lane, (double)end->d[slot], action);
+        const uint32_t end_lane = end->lane;
+        const double y = (double)last->y + part * (double)(end->y - last->y);
+        const float station = last->station + (float)part * (end->station - last->station);
+        segment->lane = changed_to(road, end_lane, (double)end->d, action);
         segment->d = y - (double)vg_lane_lateral(&road->lanes[segment->lane], station);
     } else if (vg_action_changes_lane(action)) {
-        aim_over_seam(scene, start, end, slot, action, segment);
+        aim_over_lane_end(road, start, end, action, segment);
     }
     const vg_lane* reference = &road->lanes[segment->lane];
-    const double s0 = vg_lane_s(reference, (double)start->station[slot]);
-    segment->s = s0 + way;
+    const double s0 = vg_lane_s(reference, (double)start->station);
+    segment->s = s0 + distance;
 }
 
-void vg_guide_segments(const vg_model* scene, const vg_decision* decision, uint32_t slot, vg_job* job)
+void vg_segments_from(const vg_expected* expected, vg_job* job)
 {
-    const verge_planner_def* def = scene->def;
+    const verge_planner_def* def = job->def;
     const double horizon = (double)(def->points - 1u) * def->point_s;
-    const vg_joint_actions* line = &decision->line;
+    const double* t = expected->t;
     job->segment_count = 0;
-    for (uint32_t from = 0; from < line->step_count && (double)from * def->step_s < horizon - 1e-9;) {
-        const uint8_t action = line->actions[from][slot];
+    for (uint32_t from = 0; from < expected->step_count && t[from] < horizon - 1e-9;) {
+        const uint8_t action = expected->actions[from];
         uint32_t to = from + 1u;
-        while (to < line->step_count && line->actions[to][slot] == action
-               && (double)to * def->step_s < horizon - 1e-9) {
+        while (to < expected->step_count && expected->actions[to] == action && t[to] < horizon - 1e-9) {
             ++to;
         }
-        const double last_start = (double)(to - 1u) * def->step_s;
         vg_segment* segment = &job->segments[job->segment_count++];
-        segment->t0 = (double)from * def->step_s;
-        segment->t1 = vg_min((double)to * def->step_s, horizon);
-        aim(scene, decision, slot, from, to, (segment->t1 - last_start) / def->step_s, segment);
+        segment->t0 = t[from];
+        segment->t1 = vg_min(t[to], horizon);
+        const double part = (segment->t1 - t[to - 1u]) / (t[to] - t[to - 1u]);
+        aim(job->road, expected, from, to, part, segment);
         from = to;
     }
     VERGE_ASSERT(job->segment_count > 0);
@@ -144,39 +107,37 @@ void vg_guide_segments(const vg_model* scene, const vg_decision* decision, uint3
 }
 
 // The decision's expectation between two steps. [m/s] and [m] driven until then
-static double expected_at(const vg_model* scene, const vg_decision* decision, uint32_t slot, double t,
-                          double* way)
+static double expected_at(const vg_expected* expected, double t, double* distance)
 {
-    const double step_s = scene->def->step_s;
     uint32_t step = 0;
-    *way = 0.0;
-    for (; step + 1u < decision->line.step_count && (double)(step + 1u) * step_s < t; ++step) {
-        *way += (double)decision->way[step][slot];
+    *distance = 0.0;
+    for (; step + 1u < expected->step_count && expected->t[step + 1u] < t; ++step) {
+        *distance += (double)expected->distance[step];
     }
-    const double part = vg_min((t - (double)step * step_s) / step_s, 1.0);
-    const double v0 = (double)decision->flows[step].v[slot];
-    *way += part * (double)decision->way[step][slot];
-    return v0 + part * ((double)decision->flows[step + 1u].v[slot] - v0);
+    const double step_s = expected->t[step + 1u] - expected->t[step];
+    const double part = vg_min((t - expected->t[step]) / step_s, 1.0);
+    const double v0 = (double)expected->states[step].v;
+    *distance += part * (double)expected->distance[step];
+    return v0 + part * ((double)expected->states[step + 1u].v - v0);
 }
 
-void vg_guide_finish_change(const vg_model* scene, const vg_decision* decision, uint32_t slot, uint32_t lane,
-                            double left, vg_job* job)
+void vg_segments_finish_change(const vg_expected* expected, uint32_t lane, double left, vg_job* job)
 {
-    const verge_planner_def* def = scene->def;
-    const verge_road* road = scene->road;
+    const verge_planner_def* def = job->def;
+    const verge_road* road = job->road;
     const double horizon = (double)(def->points - 1u) * def->point_s;
     const double end = vg_min(vg_max(left, finish_min), horizon);
     uint32_t step = 1;
-    while (step < decision->line.step_count && (double)step * def->step_s < end - 1e-9) {
+    while (step < expected->step_count && expected->t[step] < end - 1e-9) {
         ++step;
     }
     const vg_lane* here = &road->lanes[job->lane];
     const bool crossed = vg_road_continues(road, lane, job->lane);
-    const bool arrives = vg_road_continues(road, lane, (uint32_t)decision->flows[step].lane[slot]);
+    const bool arrives = vg_road_continues(road, lane, expected->states[step].lane);
     const bool to_left = here->left == (int32_t)lane, to_right = here->right == (int32_t)lane;
     // Where the next change follows at once the vehicle need not come to rest between them.
-    const bool goes_on = step < decision->line.step_count
-                         && vg_action_changes_lane(decision->line.actions[step][slot]);
+    const bool goes_on = step < expected->step_count
+                         && vg_action_changes_lane(expected->actions[step]);
     if (!arrives || goes_on || !(crossed || to_left || to_right)) {
         return;
     }
@@ -191,35 +152,15 @@ void vg_guide_finish_change(const vg_model* scene, const vg_decision* decision, 
     if (kept > 0) {
         job->segments[1].t0 = end;
     }
-    double way = 0.0;
-    const double v = expected_at(scene, decision, slot, end, &way);
-    const double s0 = vg_lane_s(&road->lanes[reference], (double)decision->flows[0].station[slot]);
+    double distance = 0.0;
+    const double v = expected_at(expected, end, &distance);
+    const double s0 = vg_lane_s(&road->lanes[reference], (double)expected->states[0].station);
     job->segments[0] = (vg_segment){
         .t1 = end,
         .action = crossed ? VERGE_KEEP_SPEED : to_left ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT,
         .lane = reference,
-        .s = s0 + way,
+        .s = s0 + distance,
         .v = v,
     };
     job->change_lane = (int32_t)reference;
-}
-
-void vg_guide_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,
-                       verge_vehicle_plan* plan)
-{
-    double v = vehicle->speed;
-    plan->action_count = def->steps;
-    for (uint32_t t = 0; t < def->steps; ++t) {
-        v = vg_max(v - def->deceleration * def->step_s, 0.0);
-        plan->actions[t] = (verge_action_step){
-            .action = VERGE_DECELERATE,
-            .lane_id = VERGE_NO_LANE,
-            .t0 = (double)t * def->step_s,
-            .t1 = (double)(t + 1u) * def->step_s,
-            .v = v,
-            .brake_light = true,
-            .ahead_id = -1,
-            .behind_id = -1,
-        };
-    }
 }

@@ -19,7 +19,7 @@ static uint32_t spread(double* out, uint32_t count, double low, double centre, d
 
 void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limits,
                       const vg_segment* segment, const vg_path* path, uint32_t reference,
-                      const vg_state* start, double T, const vg_tracks* tracks, bool emergency)
+                      const vg_state* start, double T, const verge_tracks* tracks, bool emergency)
 {
     const verge_planner_def* def = job->def;
     VERGE_ASSERT(def->sample_speeds >= 1 && def->sample_speeds <= VERGE_SAMPLE_SPEEDS_MAX);

@@ -32,7 +32,7 @@ extern "C" {
 /// reference: the lane the path follows, whose speed limit holds.
 void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limits,
                       const vg_segment* segment, const vg_path* path, uint32_t reference,
-                      const vg_state* start, double T, const vg_tracks* tracks, bool emergency);
+                      const vg_state* start, double T, const verge_tracks* tracks, bool emergency);
 
 #ifdef __cplusplus
 }

@@ -8,6 +8,10 @@
 #define PATH_BEYOND 60.0
 /// Speed a vehicle can gain on what is planned. [m/s]
 #define PATH_SPEED_GAIN 10.0
+/// Beyond the speed of any vehicle or lane that is accepted. [m/s]
+#define PATH_SPEED_MAX 70.0
+/// The farthest end of any path. [m]
+#define PATH_AHEAD_MAX (600.0 - PATH_BEHIND)
 /// Way who is over a lane's end already gets for building up the brakes' force. [m]
 #define OVER_END_SLACK 1.0
 
@@ -15,24 +19,32 @@
 #define WIDENING 1.05
 
 static void widen(vg_limits* limits, const vg_motion* start);
-static bool in_front(const vg_track* body, const vg_track* other);
+static bool in_front(const verge_track* body, const verge_track* other);
 
-_Static_assert(sizeof(struct vg_workspace) <= 256 * 1024, "a workspace stays below 256 KiB");
-
-size_t vg_workspace_size(void)
+// Knots that the longest path of a job takes: as long as the fastest vehicle drives within the horizon.
+static uint32_t path_knots(const verge_planner_def* def)
 {
-    return sizeof(vg_workspace);
+    const double horizon = def->point_s * (def->points - 1);
+    const double ahead = vg_min((PATH_SPEED_MAX + PATH_SPEED_GAIN) * horizon + PATH_BEYOND, PATH_AHEAD_MAX);
+    return (uint32_t)((PATH_BEHIND + ahead) / VG_KNOT_SPACING) + 3u;
 }
 
-double vg_workspace_settled(const vg_workspace* workspace)
+vg_workspace* vg_workspace_take(vg_arena* arena, const verge_planner_def* def)
 {
-    return workspace->settled;
+    vg_workspace* ws = vg_arena_take(arena, sizeof *ws);
+    vg_workspace measured = { .lane = 0 };
+    vg_workspace* to = ws != NULL ? ws : &measured; // a measuring arena hands out nothing
+    vg_path_take(&to->paths[0], arena, path_knots(def));
+    vg_path_take(&to->paths[1], arena, path_knots(def));
+    vg_batch_take(&to->first, arena, def);
+    vg_batch_take(&to->later, arena, def);
+    return ws;
 }
 
-void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks)
+void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
 {
     const verge_vehicle* v = job->vehicle;
-    const vg_track* own = &tracks->of[job->track_index];
+    const verge_track* own = &tracks->of[job->track_index];
     const vg_motion centre = { v->x, v->y, v->heading, v->speed, v->acceleration,
                                job->curvature };
     const verge_body shape = verge_vehicle_body(v);
@@ -48,7 +60,7 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
     ws->refusals = (vg_refusals){ 0 };
     ws->near_start = ws->blocking = 0;
 
-    vg_track* body = &ws->body;
+    verge_track* body = &ws->body;
     body->vehicle_id = v->id;
     body->controlled = true;
     body->half_length = own->half_length;
@@ -58,7 +70,7 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tr
     vg_sincos(v->heading, &body->sin_heading[0], &body->cos_heading[0]);
     body->speed[0] = v->speed;
     for (uint32_t j = 0; j < tracks->count; j += 1) {
-        const vg_track* other = &tracks->of[j];
+        const verge_track* other = &tracks->of[j];
         if (j != job->track_index && vg_contact_at(body, other, job->def->clearance, 0)) {
             ws->near_start |= (uint64_t)1 << j;
             const bool overlap = vg_contact_at(body, other, 0.0, 0);
@@ -89,7 +101,7 @@ static void widen(vg_limits* limits, const vg_motion* start)
 
 /// Of two bodies that overlap: is the other one in front, rather than behind or at the side,
 /// where a quarter of a width at most is shared?
-static bool in_front(const vg_track* body, const vg_track* other)
+static bool in_front(const verge_track* body, const verge_track* other)
 {
     const double c = body->cos_heading[0], s = body->sin_heading[0];
     const double x = other->x[0] - body->x[0], y = other->y[0] - body->y[0];
@@ -112,7 +124,7 @@ const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t l
     const double guess = lane == job->lane ? job->s : __builtin_nan("");
     const double s = vg_lane_project(of, ws->start.x, ws->start.y, guess);
     const double speed = vg_max(ws->start.speed, of->speed_limit) + PATH_SPEED_GAIN;
-    const double ahead = vg_min(speed * horizon + PATH_BEYOND, 600.0 - PATH_BEHIND);
+    const double ahead = vg_min(speed * horizon + PATH_BEYOND, PATH_AHEAD_MAX);
     vg_path_build(&ws->paths[slot], job->road, lane, job->target, s - PATH_BEHIND, s + ahead);
     ws->path_lanes[slot] = (int32_t)lane;
     return &ws->paths[slot];
@@ -122,7 +134,7 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
                         double offset, uint32_t start, uint32_t last)
 {
     VERGE_ASSERT(last < VERGE_POINTS_MAX);
-    vg_track* body = &ws->body;
+    verge_track* body = &ws->body;
     const double rear_axle = ws->limits.rear_axle;
     for (uint32_t k = start + 1; k <= last; k += 1) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
@@ -140,7 +152,7 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
 bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_lane* lane,
                            uint32_t last, double braking)
 {
-    const vg_track* body = &ws->body;
+    const verge_track* body = &ws->body;
     double s = __builtin_nan(""), end = lane->length;
     for (uint32_t k = 0; k <= last; k += 1) {
         s = vg_lane_project(lane, body->x[k], body->y[k], s);

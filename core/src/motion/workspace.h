@@ -1,5 +1,5 @@
-/// What planning one vehicle's trajectory needs besides its job: static sizes only, about
-/// 90 KiB. One per job, so jobs may run on any threads.
+/// What planning one vehicle's trajectory needs besides its job: about 46 KiB with the default
+/// parameters, most of it two paths. One per job, so jobs may run on any threads.
 #ifndef VG_WORKSPACE_H
 #define VG_WORKSPACE_H
 
@@ -22,7 +22,7 @@ struct vg_workspace {
     vg_path  paths[2];
     int32_t  path_lanes[2];   ///< lane index of each path; -1 none
     vg_batch first, later;    ///< candidates of the first segment, and of the present later one
-    vg_track body;            ///< centre, of the trajectory so far
+    verge_track body;            ///< centre, of the trajectory so far
     vg_rear  motion[VERGE_POINTS_MAX]; ///< rear axle, of the trajectory so far; not at t = 0
     vg_motion start;          ///< rear axle at t = 0
     vg_limits limits;         ///< of the vehicle's body
@@ -57,15 +57,15 @@ void vg_cost_add(verge_cost* sum, const verge_cost* cost);
 
 /// Plans one vehicle against the tracks: points, cost, status and reason of the plan; the
 /// trajectory of the body is left in ws->body.
-void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                                 verge_vehicle_plan* plan);
 
 /// The fallback (fallback.c): keeps its lane slowing down gently, else brakes in it.
-void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks,
+void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                           verge_vehicle_plan* plan, verge_reason reason);
 
 /// Everything that is the same however the vehicle is planned: the state at t = 0.
-void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const vg_tracks* tracks);
+void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 /// body and motion to the points of the plan.
 void vg_workspace_emit(const vg_workspace* ws, const vg_job* job, verge_vehicle_plan* plan);
 

@@ -43,6 +43,50 @@ struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge
     return fits && !scratch->failed ? draft.road : NULL;
 }
 
+/// Space before the road's end takes what the fit needs only while the road is built.
+static size_t padded_scratch_size(const verge_road_def* def)
+{
+    return (vg_road_scratch_size(def) + VG_ARENA_ALIGN - 1u) / VG_ARENA_ALIGN * VG_ARENA_ALIGN;
+}
+
+size_t verge_road_memory_size(const verge_road_def* def, size_t* road_size)
+{
+    if (def == NULL || verge_road_check(def, NULL) != VERGE_OK) {
+        return 0;
+    }
+    vg_arena arena;
+    vg_arena_init(&arena, NULL, 0);
+    (void)vg_road_build(&arena, NULL, def);
+    if (road_size != NULL) {
+        *road_size = arena.used;
+    }
+    return arena.used + padded_scratch_size(def);
+}
+
+verge_status verge_road_init(const verge_road** road, const verge_road_def* def, void* memory,
+                             size_t size)
+{
+    VERGE_ASSERT(road != NULL);
+    *road = NULL;
+    if (def == NULL || verge_road_check(def, NULL) != VERGE_OK) {
+        return VERGE_ERR_ROAD;
+    }
+    vg_arena arena, scratch;
+    if (!vg_arena_begin(&arena, memory, size)) {
+        return VERGE_ERR_MEMORY;
+    }
+    // The far end of the memory is the fit's; the road may grow up to there.
+    const size_t scratch_size = padded_scratch_size(def);
+    const size_t end = size / VG_ARENA_ALIGN * VG_ARENA_ALIGN;
+    if (end < scratch_size) {
+        return VERGE_ERR_MEMORY;
+    }
+    arena.size = end - scratch_size;
+    vg_arena_init(&scratch, arena.base + arena.size, scratch_size);
+    *road = vg_road_build(&arena, &scratch, def);
+    return *road == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+}
+
 size_t vg_road_scratch_size(const verge_road_def* def)
 {
     const size_t fit = vg_road_fit_scratch_size(def);

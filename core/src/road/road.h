@@ -214,6 +214,13 @@ static inline double vg_lane_project_whole(const vg_lane* lane, double x, double
     return vg_line_project_whole(&lane->line, x, y, s_hint);
 }
 
+/// The road at s of `lane`, which may lie on a lane that continues it towards `target`.
+static inline vg_reference vg_road_at(const struct verge_road* road, uint32_t lane, int32_t target, double s)
+{
+    const uint32_t on = vg_road_follow(road, lane, target, &s);
+    return vg_lane_at(&road->lanes[on], s);
+}
+
 /// Station <-> arc length of one lane; linear beyond the ends.
 double vg_lane_station(const vg_lane* lane, double s);
 double vg_lane_s(const vg_lane* lane, double station);

@@ -42,7 +42,7 @@ static void choose_moves(const vg_model* model, const vg_flow* flow, const vg_mo
 static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* to, uint32_t i, uint32_t j,
                       float x0, float x1)
 {
-    if (!model->single_axis && to->station[i] <= model->pairs->touch[i][j]) {
+    if (!model->single_axis && to->station[i] <= vg_pair_row(model, i)[j].touch) {
         return false;
     }
     const float y0 = vg_gap_left(model, i, j, flow->y[i], flow->y[j]);
@@ -50,7 +50,7 @@ static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* 
     const float length = model->half_length[i] + model->half_length[j];
     const float width = model->half_width[i] + model->half_width[j];
     const float ex = length + joint_air_along, ey = width + joint_air_across;
-    if (!model->single_axis && flow->station[i] <= model->pairs->touch[i][j]) {
+    if (!model->single_axis && flow->station[i] <= vg_pair_row(model, i)[j].touch) {
         // Their lanes come close in this step only: how near they were on one axis says nothing.
         return crosses(x0, y0, x1, y1, ex, ey);
     }

@@ -8,9 +8,10 @@
 #ifndef VG_FLOW_H
 #define VG_FLOW_H
 
+#include "base/arena.h"
 #include "base/contract.h"
 #include "road/road.h"
-#include "verge/planner.h"
+#include "verge/scene.h"
 
 #include <assert.h>
 
@@ -51,15 +52,24 @@ typedef struct vg_flow {
     uint8_t previous[VERGE_CONTROLLED_MAX]; ///< action that led here; VERGE_ACTION_COUNT: none yet
 } vg_flow;
 
-/// How each vehicle (column) appears on the axes of an observing vehicle (row). Kept from step to
-/// step; only rows and columns of vehicles that changed lane are computed again.
+/// How one vehicle appears on the axes of an observing one.
+typedef struct vg_pair {
+    float offset;  ///< [m] add to the other's station
+    float lateral; ///< [m] add to the other's y
+    float touch;   ///< [m] see vg_relation
+    float period;  ///< [m] see vg_relation
+} vg_pair;
+
+/// All pairs of vehicles. Kept from step to step; only rows and columns of vehicles that changed lane
+/// are computed again.
 typedef struct vg_pairs {
-    VG_ALIGNED float offset[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];  ///< [m] add to station
-    VG_ALIGNED float lateral[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX]; ///< [m] add to y
-    VG_ALIGNED float touch[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];   ///< [m] relate vg_relation
-    VG_ALIGNED float period[VERGE_VEHICLES_MAX][VERGE_VEHICLES_MAX];  ///< [m] relate vg_relation
-    int32_t lane[VERGE_VEHICLES_MAX]; ///< the lanes it was made for, -1 none
+    uint32_t stride; ///< vehicles in a row
+    vg_pair* of;     ///< [observer * stride + other]
+    int32_t* lane;   ///< [stride] the lanes it was made for, -1 none
 } vg_pairs;
+
+/// Takes the pairs of vehicles_max vehicles; null where they do not fit or the arena is measuring.
+vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max);
 
 /// What stays the same during a search.
 typedef struct vg_model {
@@ -85,17 +95,13 @@ typedef struct vg_model {
     vg_pairs* pairs;
 } vg_model;
 
-/// A vehicle placed on the road.
-typedef struct vg_placed {
-    bool     on_road;
-    uint32_t lane;  ///< index
-    double   s, d;  ///< [m] of the centre
-} vg_placed;
+/// Model and first flow of a scene. Bit i of `planned`: vehicles[i] has actions of its own (one of the
+/// first slots); all other vehicles are predicted. Vehicles off the road take no part.
+void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, vg_pairs* pairs,
+                   const verge_scene* scene, uint64_t planned);
 
-/// Model and first flow from vehicles sorted by id. Vehicles off the road take no part.
-void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
-                   vg_pairs* pairs, const verge_vehicle* vehicles, const vg_placed* placed,
-                   uint32_t vehicle_count);
+/// The controlled vehicles of a scene (bits).
+uint64_t vg_scene_controlled(const verge_scene* scene);
 
 /// From now on uncontrolled vehicles want to drive at their lane's limit, as the IDM has it; before,
 /// they go on as measured. For simulators.
@@ -138,11 +144,17 @@ VG_INLINE float vg_bin_centre(vg_bin_place place)
     return place.here[0].lateral + place.t * (place.here[1].lateral - place.here[0].lateral);
 }
 
+/// [1] metres of lane per metre of station.
+VG_INLINE float vg_bin_rate(vg_bin_place place)
+{
+    return (place.here[1].s - place.here[0].s) * (float)(1.0 / VG_BIN);
+}
+
 VG_INLINE void vg_flow_set_road_fields(vg_flow* flow, uint32_t slot, vg_bin_place place)
 {
     const vg_bin* nearest = place.t < 0.5f ? place.here : place.here + 1;
     flow->y[slot] = vg_bin_centre(place) + flow->d[slot];
-    flow->rate[slot] = (place.here[1].s - place.here[0].s) * (float)(1.0 / VG_BIN);
+    flow->rate[slot] = vg_bin_rate(place);
     flow->slope[slot] = place.inside ? (place.here[1].lateral - place.here[0].lateral) * (float)(1.0 / VG_BIN)
                                     : 0.0f;
     flow->left_gap[slot] = place.inside ? nearest->left_gap : 0.0f;

@@ -1,6 +1,7 @@
 /// The model of a scene: vehicles, their intentions and their share of X_flow. See flow.h.
 #include "traffic/flow.h"
 
+#include "base/contract.h"
 #include "base/scalar.h"
 
 #include <string.h>
@@ -14,10 +15,14 @@ static const double cruise_min = 0.05;
 // small gap. [1]
 static const double normal_cooperation = 0.5;
 
-static void place(vg_model* model, vg_flow* flow, const verge_vehicle* vehicle, const vg_placed* at,
-                  uint32_t input_index, uint32_t slot)
+static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint32_t input_index,
+                  uint32_t slot)
 {
-    const vg_lane* lane = &model->road->lanes[at->lane];
+    const verge_vehicle* vehicle = &scene->vehicles[input_index];
+    const verge_lane_position* at = &scene->positions[input_index];
+    const int32_t index = vg_road_lane_index(model->road, at->lane_id);
+    VERGE_ASSERT(index >= 0);
+    const vg_lane* lane = &model->road->lanes[index];
     model->input_index[slot] = input_index;
     model->half_length[slot] = (float)(0.5 * vehicle->length + vehicle->margin);
     model->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
@@ -32,7 +37,7 @@ static void place(vg_model* model, vg_flow* flow, const verge_vehicle* vehicle, 
     flow->station[slot] = (float)vg_lane_station(lane, at->s);
     flow->d[slot] = (float)at->d;
     flow->v[slot] = (float)vehicle->speed;
-    flow->lane[slot] = (int32_t)at->lane;
+    flow->lane[slot] = index;
 }
 
 void vg_model_free_humans(vg_model* model, const vg_flow* flow)
@@ -96,25 +101,35 @@ static bool has_single_axis(const vg_model* model, const vg_flow* flow)
     return road->conflict_lanes == 0;
 }
 
-void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, const verge_road* road,
-                   vg_pairs* pairs, const verge_vehicle* vehicles, const vg_placed* placed,
-                   uint32_t vehicle_count)
+uint64_t vg_scene_controlled(const verge_scene* scene)
 {
-    VERGE_ASSERT(vehicle_count <= VERGE_VEHICLES_MAX);
+    uint64_t set = 0;
+    for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
+        set |= (uint64_t)scene->vehicles[i].controlled << i;
+    }
+    return set;
+}
+
+void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, vg_pairs* pairs,
+                   const verge_scene* scene, uint64_t planned)
+{
+    VERGE_ASSERT(scene->vehicle_count <= pairs->stride && pairs->stride <= VERGE_VEHICLES_MAX);
+    const verge_road* road = scene->road;
     memset(model, 0, sizeof *model);
     memset(flow, 0, sizeof *flow);
     model->def = def;
     model->road = road;
     model->pairs = pairs;
-    for (uint32_t pass = 0; pass < 2; ++pass) { // controlled ones first
-        for (uint32_t i = 0; i < vehicle_count; ++i) {
-            if (!placed[i].on_road || vehicles[i].controlled != (pass == 0)) {
+    for (uint32_t pass = 0; pass < 2; ++pass) { // planned ones first
+        for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
+            if (scene->positions[i].lane_id == VERGE_NO_LANE || (planned >> i & 1u) != (pass == 0)) {
                 continue;
             }
             const uint32_t slot = model->count++;
-            place(model, flow, &vehicles[i], &placed[i], i, slot);
+            place(model, flow, scene, i, slot);
             if (pass == 0) {
-                intend(model, &vehicles[i], slot);
+                VERGE_ASSERT(slot < VERGE_CONTROLLED_MAX);
+                intend(model, &scene->vehicles[i], slot);
                 flow->previous[slot] = VERGE_ACTION_COUNT;
                 model->controlled_count++;
             }
@@ -132,8 +147,8 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     model->per_reaction = 1.0f / model->reaction;
     model->per_headway = 1.0f / model->headway;
     model->per_both = 1.0f / (float)(def->reaction_s + def->headway_s);
-    weigh(model, vehicles);
-    for (uint32_t slot = 0; slot < VERGE_VEHICLES_MAX; ++slot) {
+    weigh(model, scene->vehicles);
+    for (uint32_t slot = 0; slot < pairs->stride; ++slot) {
         pairs->lane[slot] = -1;
     }
     model->single_axis = has_single_axis(model, flow);

@@ -6,6 +6,17 @@
 // Merging vehicles are related from this far before their lanes come close. [m]
 static const float merge_sight = 40.0f;
 
+vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max)
+{
+    vg_pairs* pairs = vg_arena_take(arena, sizeof *pairs);
+    vg_pair* of = vg_arena_take(arena, (size_t)vehicles_max * vehicles_max * sizeof *of);
+    int32_t* lane = vg_arena_take(arena, vehicles_max * sizeof *lane);
+    if (pairs != NULL) {
+        *pairs = (vg_pairs){ vehicles_max, of, lane };
+    }
+    return pairs;
+}
+
 static void relate(const vg_model* model, const vg_flow* flow, uint32_t seen, uint32_t observer)
 {
     const verge_road* road = model->road;
@@ -14,12 +25,12 @@ static void relate(const vg_model* model, const vg_flow* flow, uint32_t seen, ui
     const vg_relation* relation = vg_road_relation(road, from, to);
     const int32_t target = observer < model->controlled_count ? model->target[observer] : -1;
     const bool visible = relation->kind != VG_UNRELATED && vg_road_matters(road, from, target, to);
-    vg_pairs* pairs = model->pairs;
-    pairs->offset[observer][seen] = visible ? relation->offset : VG_FAR_AWAY;
-    pairs->lateral[observer][seen] = relation->lateral;
-    pairs->touch[observer][seen] =
-        relation->kind == VG_MERGING ? relation->touch : -VG_FAR_AWAY;
-    pairs->period[observer][seen] = visible ? relation->period : 0.0f;
+    model->pairs->of[observer * model->pairs->stride + seen] = (vg_pair){
+        .offset = visible ? relation->offset : VG_FAR_AWAY,
+        .lateral = relation->lateral,
+        .touch = relation->kind == VG_MERGING ? relation->touch : -VG_FAR_AWAY,
+        .period = visible ? relation->period : 0.0f,
+    };
 }
 
 void vg_pairs_update(const vg_model* model, const vg_flow* flow)
@@ -37,10 +48,10 @@ void vg_pairs_update(const vg_model* model, const vg_flow* flow)
     }
 }
 
-// Merging vehicles are out of pairs until the lanes come close.
+// Merging vehicles are not related until the lanes come close.
 VG_INLINE bool is_visible(const vg_model* model, const vg_flow* flow, uint32_t i, uint32_t j)
 {
-    return model->single_axis || flow->station[i] > model->pairs->touch[i][j] - merge_sight;
+    return model->single_axis || flow->station[i] > vg_pair_row(model, i)[j].touch - merge_sight;
 }
 
 // The innermost loop of the search: what it reads stands in locals, and the case of a single axis is
@@ -50,11 +61,11 @@ VG_INLINE vg_neighbours scan(const vg_model* model, const vg_flow* flow, uint32_
 {
     const float* restrict ys = flow->y;
     const float* restrict half_width = model->half_width;
-    const float* restrict lateral = model->pairs->lateral[i];
+    const vg_pair* restrict row = vg_pair_row(model, i);
     const float width = model->half_width[i] + VG_PATH_AIR, rate = flow->rate[i];
     const uint32_t count = model->count;
     for (uint32_t j = 0; j < count; ++j) {
-        const float dy = single_axis ? ys[j] - y : ys[j] - y + lateral[j];
+        const float dy = single_axis ? ys[j] - y : ys[j] - y + row[j].lateral;
         const float reach = width + half_width[j];
         if (dy >= reach || dy <= -reach || j == i || (!single_axis && !is_visible(model, flow, i, j))) {
             continue;

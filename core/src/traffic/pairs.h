@@ -30,6 +30,12 @@ vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i,
 void vg_flow_neighbours(const vg_model* model, const vg_flow* flow, uint32_t slot, int32_t* ahead,
                         int32_t* behind);
 
+/// All others as vehicle i sees them.
+static inline const vg_pair* vg_pair_row(const vg_model* model, uint32_t i)
+{
+    return &model->pairs->of[i * model->pairs->stride];
+}
+
 /// Difference on a ring of this length, into +-half of it; unchanged where there is no ring. [m]
 static inline float vg_wrap(float ahead, float ring)
 {
@@ -44,14 +50,14 @@ VG_INLINE float vg_gap_along(const vg_model* model, uint32_t i, uint32_t j, floa
     if (model->single_axis) {
         return (station_j - station_i) * rate;
     }
-    const float ahead = (station_j + model->pairs->offset[i][j] - station_i) * rate;
-    return model->rings ? vg_wrap(ahead, model->pairs->period[i][j] * rate) : ahead;
+    const float ahead = (station_j + vg_pair_row(model, i)[j].offset - station_i) * rate;
+    return model->rings ? vg_wrap(ahead, vg_pair_row(model, i)[j].period * rate) : ahead;
 }
 
 /// Metres from y_i to the left to y_j.
 VG_INLINE float vg_gap_left(const vg_model* model, uint32_t i, uint32_t j, float y_i, float y_j)
 {
-    return model->single_axis ? y_j - y_i : y_j - y_i + model->pairs->lateral[i][j];
+    return model->single_axis ? y_j - y_i : y_j - y_i + vg_pair_row(model, i)[j].lateral;
 }
 
 #ifdef __cplusplus

@@ -1,11 +1,23 @@
-// Action steps and segments against the decision's flows they are read from.
+// Segments against the flows of the decision they are made of; action steps of the decision stage.
 #include "decide.h"
 
+#include "motion/job.h"
 #include "motion/segments.h"
 
-static vg_decision decision;
+static stage_decision decision;
 static verge_vehicle_plan plan;
 static vg_job job;
+static vg_expected expected;
+
+/// Expected states and segments of one vehicle, as the trajectory stage makes them.
+static void make_segments(const stage* at, uint32_t vehicle)
+{
+    memset(&job, 0, sizeof job);
+    job.def = &at->def;
+    job.road = at->road;
+    assert_true(vg_expected_from(&expected, &at->given, vehicle, &decision.vehicles[vehicle]));
+    vg_segments_from(&expected, &job);
+}
 
 static void decide(stage* at, uint64_t seed)
 {
@@ -14,41 +26,57 @@ static void decide(stage* at, uint64_t seed)
     stage_decide(at, vg_random_from(seed, 0), &decision);
 }
 
-static void action_steps_are_the_decisions_step_by_step(void** state)
+/// The decision stage drives its flow on by exactly the actions it names, and says who is around.
+static void action_steps_are_the_flows_step_by_step(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("action steps");
     stage* at = stage_open(4, 2000.0);
-    int32_t ids[VERGE_VEHICLES_MAX];
-    for (int32_t i = 0; i < VERGE_VEHICLES_MAX; ++i) {
-        ids[i] = 100 + i;
-    }
+    static verge_vehicle_decision vehicles[VERGE_CONTROLLED_MAX];
+    at->def.iterations = 300;
+    at->def.nodes_max = 512;
+    const size_t size = (verge_decider_memory_size(&at->def) + 63) / 64 * 64;
+    void* memory = aligned_alloc(64, size);
+    verge_decider* decider = NULL;
+    assert_int_equal(verge_decider_init(&decider, &at->def, memory, size), VERGE_OK);
     for (uint32_t k = 0; k < test_rounds(100); ++k) {
         stage_fill(at, &rng, 1 + test_rng_below(&rng, 5), test_rng_below(&rng, 5), 100.0, 300.0,
                    15.0);
-        decide(at, k);
-        for (uint32_t slot = 0; slot < at->scene.controlled_count; ++slot) {
-            vg_guide_actions(&at->scene, &decision, slot, ids, &plan);
-            assert_int_equal(plan.action_count, at->def.steps);
-            for (uint32_t t = 0; t < plan.action_count; ++t) {
-                const verge_action_step* step = &plan.actions[t];
+        verge_decision steps = { .vehicles_max = VERGE_CONTROLLED_MAX, .vehicles = vehicles };
+        verge_commitment commitment = { .decisions = k };
+        assert_int_equal(verge_decide(decider, &at->given, &commitment, &steps), VERGE_OK);
+        assert_int_equal(steps.vehicle_count, at->scene.controlled_count);
+        assert_int_equal(commitment.decisions, k + 1);
+        decision.line.step_count = at->def.steps;
+        for (uint32_t slot = 0; slot < steps.vehicle_count; ++slot) {
+            for (uint32_t t = 0; t < at->def.steps; ++t) {
+                decision.line.actions[t][slot] = (uint8_t)vehicles[slot].steps[t].action;
+            }
+        }
+        stage_drive(at, &decision);
+        for (uint32_t slot = 0; slot < steps.vehicle_count; ++slot) {
+            assert_int_equal(vehicles[slot].vehicle_id, at->vehicles[slot].id);
+            assert_int_equal(vehicles[slot].step_count, at->def.steps);
+            for (uint32_t t = 0; t < at->def.steps; ++t) {
+                const verge_action_step* step = &vehicles[slot].steps[t];
                 const vg_flow* after = &decision.flows[t + 1];
-                assert_int_equal(step->action, decision.line.actions[t][slot]);
                 assert_int_equal(step->lane_id, after->lane[slot]);
                 CHECK_NEAR(step->s, after->station[slot], 1e-3);
                 CHECK_NEAR(step->d, after->d[slot], 1e-6);
                 CHECK_NEAR(step->v, after->v[slot], 1e-6);
+                CHECK_NEAR(step->distance, after->station[slot] - decision.flows[t].station[slot], 1e-3);
                 CHECK_NEAR(step->t1 - step->t0, at->def.step_s, 1e-12);
                 assert_int_equal(step->turn_signal, (step->action == VERGE_CHANGE_LEFT)
                                                         - (step->action == VERGE_CHANGE_RIGHT));
                 assert_int_equal(step->brake_light, step->action == VERGE_DECELERATE);
                 int32_t ahead = -1, behind = -1;
                 vg_flow_neighbours(&at->scene, after, slot, &ahead, &behind);
-                assert_int_equal(step->ahead_id, ahead < 0 ? -1 : 100 + ahead);
-                assert_int_equal(step->behind_id, behind < 0 ? -1 : 100 + behind);
+                assert_int_equal(step->ahead_id, ahead); // ids are indices here
+                assert_int_equal(step->behind_id, behind);
             }
         }
     }
+    free(memory);
     stage_close(at);
 }
 
@@ -78,7 +106,7 @@ static void segments_are_the_runs_of_equal_actions_and_fill_the_horizon(void** s
                    20.0);
         decide(at, k);
         for (uint32_t slot = 0; slot < at->scene.controlled_count; ++slot) {
-            vg_guide_segments(&at->scene, &decision, slot, &job);
+            make_segments(at, slot);
             assert_true(job.segment_count > 0);
             for (uint32_t n = 0; n < job.segment_count; ++n) {
                 const vg_segment* segment = &job.segments[n];
@@ -98,19 +126,16 @@ static void segments_are_the_runs_of_equal_actions_and_fill_the_horizon(void** s
     stage_close(at);
 }
 
-/// The decision that is made of these actions of one vehicle, the others keep theirs.
+/// The decision that is made of these actions of one vehicle.
 static void decided(stage* at, const uint8_t* actions)
 {
     stage_begin(at);
     memset(&decision, 0, sizeof decision);
     decision.line.step_count = at->def.steps;
-    decision.flows[0] = at->root;
     for (uint32_t t = 0; t < at->def.steps; ++t) {
         decision.line.actions[t][0] = actions[t];
-        decision.flows[t + 1] = decision.flows[t];
-        stage_step(at, &decision.flows[t + 1], decision.line.actions[t]);
-        decision.way[t][0] = decision.flows[t + 1].station[0] - decision.flows[t].station[0];
     }
+    stage_drive(at, &decision);
 }
 
 static void a_change_cut_by_the_horizon_aims_at_its_part_of_the_way(void** state)
@@ -121,14 +146,14 @@ static void a_change_cut_by_the_horizon_aims_at_its_part_of_the_way(void** state
     at->def.points = 16; // 1.5 s of trajectory, the whole change takes 3 s
     stage_add(at, true, 0, 100.0, 0.0, 10.0, 1);
     decided(at, actions);
-    vg_guide_segments(&at->scene, &decision, 0, &job);
+    make_segments(at, 0);
     assert_int_equal(job.segment_count, 1);
     assert_int_equal(job.segments[0].lane, 1); // the lane changed to is the reference
     assert_int_equal(job.change_lane, -1);     // but not reached
     CHECK_NEAR(job.segments[0].d, -2.0, 1e-3);
     CHECK_NEAR(job.segments[0].s, 115.0, 0.02);
     at->def.points = 31;
-    vg_guide_segments(&at->scene, &decision, 0, &job);
+    make_segments(at, 0);
     assert_int_equal(job.segment_count, 1);
     assert_int_equal(job.segments[0].lane, 1);
     assert_int_equal(job.change_lane, 1);
@@ -144,9 +169,9 @@ static void a_change_under_way_ends_when_it_was_going_to(void** state)
     stage* at = stage_open(3, 2000.0);
     stage_add(at, true, 0, 100.0, 1.0, 10.0, 1);
     decided(at, actions);
-    vg_guide_segments(&at->scene, &decision, 0, &job);
+    make_segments(at, 0);
     job.lane = 0;
-    vg_guide_finish_change(&at->scene, &decision, 0, 1, 2.2, &job);
+    vg_segments_finish_change(&expected, 1, 2.2, &job);
     assert_int_equal(job.segment_count, 2);
     CHECK_NEAR(job.segments[0].t1, 2.2, 1e-12);
     CHECK_NEAR(job.segments[1].t0, 2.2, 1e-12);
@@ -170,10 +195,10 @@ static void a_change_that_is_given_up_or_goes_on_is_not_finished(void** state)
         stage* at = stage_open(3, 2000.0);
         stage_add(at, true, 0, 100.0, k == 0 ? 1.0 : 0.0, 10.0, 2);
         decided(at, k == 0 ? back : on);
-        vg_guide_segments(&at->scene, &decision, 0, &job);
+        make_segments(at, 0);
         job.lane = 0;
         const vg_job before = job;
-        vg_guide_finish_change(&at->scene, &decision, 0, 1, 2.0, &job);
+        vg_segments_finish_change(&expected, 1, 2.0, &job);
         assert_int_equal(job.segment_count, before.segment_count);
         assert_memory_equal(job.segments, before.segments, sizeof job.segments);
         stage_close(at);
@@ -184,21 +209,25 @@ static void off_the_road_the_steps_slow_down_to_a_stop(void** state)
 {
     (void)state;
     const verge_planner_def def = verge_planner_default_def();
-    verge_vehicle vehicle = verge_vehicle_default();
-    vehicle.speed = 2.0;
-    vg_guide_off_road(&def, &vehicle, &plan);
+    stage* at = stage_open(1, 500.0);
+    stage_add(at, true, 0, 100.0, 0.0, 2.0, -1);
+    stage_begin(at);
+    at->positions[0].lane_id = VERGE_NO_LANE;
+    assert_true(vg_job_begin(&job, &def, &at->given, 0, NULL, NULL, &plan));
+    assert_false(job.on_road);
     assert_int_equal(plan.action_count, def.steps);
     for (uint32_t t = 0; t < plan.action_count; ++t) {
         const double expected = fmax(0.0, 2.0 - 0.6 * 1.5 * (t + 1));
         CHECK_NEAR(plan.actions[t].v, expected, 1e-12);
         assert_true(plan.actions[t].brake_light && plan.actions[t].lane_id == VERGE_NO_LANE);
     }
+    stage_close(at);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(action_steps_are_the_decisions_step_by_step),
+        cmocka_unit_test(action_steps_are_the_flows_step_by_step),
         cmocka_unit_test(segments_are_the_runs_of_equal_actions_and_fill_the_horizon),
         cmocka_unit_test(a_change_cut_by_the_horizon_aims_at_its_part_of_the_way),
         cmocka_unit_test(a_change_under_way_ends_when_it_was_going_to),

@@ -1,0 +1,115 @@
+/// The parameters of all stages, in one structure: seed, capacities, decision, trajectory.
+#ifndef VERGE_DEF_H
+#define VERGE_DEF_H
+
+#include "verge/road.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/// How the decision is searched and which plan is returned.
+typedef enum verge_search {
+    VERGE_SEARCH_PAPER = 0,  ///< greedy child of maximum mean at each layer, nothing remembered
+    VERGE_SEARCH_BEST = 1,   ///< best complete plan seen, warm start from the last plan
+} verge_search;
+
+/// Runs task(arg, 0) .. task(arg, count - 1), in any order, on any threads, and returns when all
+/// are done. The tasks share nothing.
+typedef void verge_executor(void* context, void (*task)(void* arg, uint32_t index), void* arg,
+                            uint32_t count);
+
+/// How a planner is built. Start from verge_planner_default_def() and change what differs.
+/// Defaults, ranges and meaning of the scalar fields: verge_planner_params().
+typedef struct verge_planner_def {
+    verge_road_def road;        ///< read by verge_planner_init() only; stages take a built road
+
+    uint64_t seed;              ///< any value; the whole source of randomness
+    uint32_t search;            ///< verge_search
+    uint32_t iterations;        ///< [1]   search iterations a step
+    uint32_t nodes_max;         ///< [1]   nodes of the tree
+    uint32_t vehicles_max;      ///< [1]   vehicles seen at once
+    uint32_t controlled_max;    ///< [1]   vehicles planned at once
+    uint32_t threads;           ///< [1]   for whoever provides the executor; core does not read it
+
+    // Decision (section 3.1; constants of section 4)
+    double   step_s;            ///< [s]     length of a decision step
+    uint32_t steps;             ///< [1]     decision steps; horizon = steps * step_s
+    double   reaction_s;        ///< [s]     tau, Eq. 2
+    double   headway_s;         ///< [s]     MTH, Eq. 2
+    double   change_gap;        ///< [m]     free way, ahead and behind, that a change leaves; less below
+                                ///<         (change_gap - idm_gap) / idm_headway_s
+    double   change_gap_wanted; ///< [m]     what it would rather leave: less of it costs reward_room
+    double   exploration;       ///< [1]     C_p, Eq. 1
+    double   acceleration;      ///< [m/s^2] a_acc, Table 1
+    double   deceleration;      ///< [m/s^2] a_dec, Table 1
+    double   reward_target;     ///< [1]     weight: ends in the target lane
+    double   reward_lane;       ///< [1]     weight: share of steps in the target lane near its centre
+    double   reward_consistency;///< [1]     weight: share of steps that repeat the action before
+    double   reward_room;       ///< [1]     steps' shares (1 / steps) of R_i lost by a change that leaves
+                                ///<         no room, less by one that leaves some of change_gap_wanted
+    double   cruise_share;      ///< [1]     of the speed limit; below it a step earns in proportion
+    double   target_distance;   ///< [m]     driven in the target lane by all: a simulation may end
+    double   switch_margin;     ///< [1]     reward by which other lane changes must beat the last plan's,
+                                ///<         in shares of those whose changes are others
+    double   idm_gap;           ///< [m]     standstill gap of uncontrolled vehicles
+    double   idm_headway_s;     ///< [s]
+    double   idm_acceleration;  ///< [m/s^2]
+    double   idm_comfort;       ///< [m/s^2] sqrt(a b) of the IDM's braking term
+    double   idm_braking_max;   ///< [m/s^2] floor of the IDM's deceleration
+
+    // Trajectory (section 3.2)
+    uint32_t points;            ///< [1]     points of a trajectory
+    double   point_s;           ///< [s]     between points
+    uint32_t sample_speeds;     ///< [1]     end speeds of a segment
+    uint32_t sample_offsets;    ///< [1]     lateral end offsets of a segment, multiple of 8
+    double   region_speed;      ///< [m/s]   half width of the target region of a segment
+    double   region_offset;     ///< [m]     half width of the target region of a segment
+    double   keep_region_speed; ///< [m/s]   the same for lane keeping
+    double   keep_region_offset;///< [m]
+    double   alert_cost;        ///< [1]     C_z of the alert zone
+    uint32_t alert_continuous;  ///< [1]     1: the variant that is continuous at the zone's edge
+    double   comfort_acceleration;  ///< [m/s^2] limits of normal driving that only
+    double   comfort_braking;       ///< [m/s^2] an emergency may exceed
+    double   comfort_lateral;       ///< [m/s^2]
+    double   comfort_jerk;          ///< [m/s^3] longitudinal
+    double   clearance;         ///< [m]     free space kept around predicted bodies
+
+    verge_executor* executor;   ///< null: one after the other in the caller's thread
+    void*    executor_context;
+
+    uint32_t cookie;            ///< set by verge_planner_default_def(); leave it alone
+} verge_planner_def;
+
+verge_planner_def verge_planner_default_def(void);
+
+/// One scalar field of the def, for whoever reads parameters by name (JSON, manuals).
+typedef enum verge_param_kind {
+    VERGE_PARAM_DOUBLE,
+    VERGE_PARAM_U32,
+    VERGE_PARAM_U64,
+    VERGE_PARAM_SEARCH, ///< uint32_t; by name "paper" or "best"
+    VERGE_PARAM_BOOL,   ///< uint32_t 0 or 1; by name true or false
+} verge_param_kind;
+
+typedef struct verge_param {
+    const char*      name;     ///< the field's name, also the JSON key
+    const char*      unit;     ///< "s", "m/s", ...; "1" for none
+    verge_param_kind kind;
+    size_t           offset;   ///< in verge_planner_def
+    double           min, max; ///< allowed values, both inclusive
+    const char*      text;     ///< one sentence
+} verge_param;
+
+/// The table of all scalar fields, in the order of the def. Static lifetime.
+const verge_param* verge_planner_params(uint32_t* count);
+
+/// Checks every parameter against its range and the relations between them.
+/// @retval VERGE_ERR_DEF  *fault (may be null) is the parameter's name
+verge_status verge_planner_check(const verge_planner_def* def, const char** fault);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,253 @@
+/// The decision stage: from a scene to action steps. The search works on actions of slots in single
+/// precision; here its result becomes a verge_decision, and what was decided before becomes the
+/// search's warm start.
+#include "verge/decision.h"
+
+#include "base/arena.h"
+#include "base/contract.h"
+#include "base/scalar.h"
+#include "decide/mcts.h"
+#include "traffic/advance.h"
+#include "traffic/pairs.h"
+
+#include <string.h>
+
+struct verge_decider {
+    verge_planner_def def;
+    vg_tree*  tree;
+    vg_pairs* pairs;
+    vg_model* model;
+    vg_flow*  flows;    // [2] root, and a step later
+    uint32_t  nodes_peak, bytes_per_node;
+};
+
+static verge_decider* take(vg_arena* arena, const verge_planner_def* def);
+static bool recall(const verge_decider* self, const verge_scene* scene, const verge_commitment* commitment,
+                   vg_joint_actions* line);
+static void commit(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
+                   verge_commitment* commitment);
+static bool confirms(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
+                     const vg_joint_actions* warm, const verge_commitment* commitment);
+static void write_steps(verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
+                        verge_decision* decision);
+
+// ---------------------------------------------------------------------------- memory
+
+size_t verge_decider_memory_size(const verge_planner_def* def)
+{
+    vg_arena arena;
+    vg_arena_init(&arena, NULL, 0);
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return 0;
+    }
+    (void)take(&arena, def);
+    return arena.used;
+}
+
+verge_status verge_decider_init(verge_decider** decider, const verge_planner_def* def, void* memory,
+                                size_t size)
+{
+    VERGE_ASSERT(decider != NULL);
+    *decider = NULL;
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return VERGE_ERR_DEF;
+    }
+    vg_arena arena;
+    if (!vg_arena_begin(&arena, memory, size)) {
+        return VERGE_ERR_MEMORY;
+    }
+    verge_decider* self = take(&arena, def);
+    *decider = arena.failed ? NULL : self;
+    return *decider == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+}
+
+static verge_decider* take(vg_arena* arena, const verge_planner_def* def)
+{
+    verge_decider* self = vg_arena_take(arena, sizeof *self);
+    vg_tree* tree = vg_tree_take(arena, def);
+    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max);
+    vg_model* model = vg_arena_take(arena, sizeof *model);
+    vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
+    if (self != NULL) {
+        *self = (verge_decider){ .def = *def, .tree = tree, .pairs = pairs, .model = model,
+                                 .flows = flows };
+        self->def.road = (verge_road_def){ NULL, 0 };
+    }
+    return self;
+}
+
+void verge_decider_nodes(const verge_decider* self, uint32_t* nodes_peak, uint32_t* bytes_per_node)
+{
+    *nodes_peak = self->nodes_peak;
+    *bytes_per_node = self->bytes_per_node;
+}
+
+// ---------------------------------------------------------------------------- one decision
+
+verge_status verge_decide(verge_decider* self, const verge_scene* scene, verge_commitment* commitment,
+                          verge_decision* decision)
+{
+    VERGE_ASSERT(self != NULL && scene != NULL && commitment != NULL && decision != NULL);
+    const uint64_t planned = vg_scene_controlled(scene);
+    const uint32_t most = self->def.controlled_max < decision->vehicles_max ? self->def.controlled_max
+                                                                            : decision->vehicles_max;
+    if (scene->vehicle_count > self->def.vehicles_max || vg_bits(planned) > most) {
+        return VERGE_ERR_CAPACITY;
+    }
+    vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, planned);
+    decision->utime = scene->utime;
+    decision->vehicle_count = self->model->controlled_count;
+    decision->passing_count = 0;
+    memset(&decision->search, 0, sizeof decision->search);
+    if (decision->vehicle_count == 0) {
+        commitment->vehicle_count = 0;
+        return VERGE_OK;
+    }
+    vg_joint_actions warm, line;
+    const bool warmed = self->def.search == VERGE_SEARCH_BEST && recall(self, scene, commitment, &warm);
+    vg_random random = vg_random_from(self->def.seed, commitment->decisions++);
+    vg_search_run(self->tree, self->model, &self->flows[0], &random, warmed ? &warm : NULL, &line,
+                  &decision->search);
+    if (!warmed || !confirms(self, scene, &line, &warm, commitment)) {
+        commit(self, scene, &line, commitment);
+    }
+    write_steps(self, scene, &line, decision);
+    const uint32_t nodes = decision->search.nodes;
+    self->nodes_peak = nodes > self->nodes_peak ? nodes : self->nodes_peak;
+    self->bytes_per_node = vg_node_size(self->model->count, self->model->controlled_count);
+    return VERGE_OK;
+}
+
+static int32_t id_of(const verge_decider* self, const verge_scene* scene, int32_t slot)
+{
+    return slot < 0 ? -1 : scene->vehicles[self->model->input_index[slot]].id;
+}
+
+// ---------------------------------------------------------------------------- commitment
+
+// The action a vehicle is committed to at a time [s] after the commitment; ACTION_COUNT: none.
+static uint8_t committed_action(const verge_commitment* commitment, int32_t id, double t, double step_s)
+{
+    if (t < 0.0 || t >= (double)commitment->step_count * step_s) {
+        return VERGE_ACTION_COUNT;
+    }
+    for (uint32_t i = 0; i < commitment->vehicle_count; ++i) {
+        if (commitment->vehicle_ids[i] == id) {
+            return commitment->actions[(uint32_t)(t / step_s)][i];
+        }
+    }
+    return VERGE_ACTION_COUNT;
+}
+
+// The commitment moved to now: each step takes what was decided for its middle. Its age counts from
+// when it was decided first: counted from its last confirmation, a lane change decided for the next
+// step would stay decided for the next step. Older than 100 s it is ignored.
+static bool recall(const verge_decider* self, const verge_scene* scene, const verge_commitment* commitment,
+                   vg_joint_actions* line)
+{
+    const double step_s = self->def.step_s;
+    const double age = vg_seconds_between(commitment->utime, scene->utime);
+    bool any = false;
+    if (!(age >= 0.0 && age < 100.0)) {
+        return false;
+    }
+    line->step_count = self->def.steps;
+    for (uint32_t t = 0; t < line->step_count; ++t) {
+        for (uint32_t slot = 0; slot < self->model->controlled_count; ++slot) {
+            const double at = age + ((double)t + 0.5) * step_s;
+            const uint8_t action =
+                committed_action(commitment, id_of(self, scene, (int32_t)slot), at, step_s);
+            any = any || action < VERGE_ACTION_COUNT;
+            line->actions[t][slot] = action < VERGE_ACTION_COUNT ? action : (uint8_t)VERGE_KEEP_SPEED;
+        }
+    }
+    return any;
+}
+
+// Does the decision confirm the commitment, for the same vehicles as before?
+static bool confirms(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
+                     const vg_joint_actions* warm, const verge_commitment* commitment)
+{
+    bool same = commitment->vehicle_count == self->model->controlled_count;
+    for (uint32_t slot = 0; same && slot < self->model->controlled_count; ++slot) {
+        same = commitment->vehicle_ids[slot] == id_of(self, scene, (int32_t)slot);
+        for (uint32_t t = 0; t < line->step_count; ++t) {
+            same = same && line->actions[t][slot] == warm->actions[t][slot];
+        }
+    }
+    return same;
+}
+
+static void commit(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
+                   verge_commitment* commitment)
+{
+    commitment->utime = scene->utime;
+    commitment->step_count = line->step_count;
+    commitment->vehicle_count = self->model->controlled_count;
+    for (uint32_t slot = 0; slot < commitment->vehicle_count; ++slot) {
+        commitment->vehicle_ids[slot] = id_of(self, scene, (int32_t)slot);
+        for (uint32_t t = 0; t < line->step_count; ++t) {
+            commitment->actions[t][slot] = line->actions[t][slot];
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------- action steps
+
+static verge_action_step step_of(const verge_decider* self, const verge_scene* scene, const vg_flow* before,
+                                 const vg_moves* moves, const vg_flow* after, uint32_t slot, uint8_t action,
+                                 uint32_t t)
+{
+    const vg_lane* lane = &scene->road->lanes[after->lane[slot]];
+    const vg_action_row* row = &vg_actions[action];
+    int32_t ahead = -1, behind = -1;
+    vg_flow_neighbours(self->model, after, slot, &ahead, &behind);
+    return (verge_action_step){
+        .action = (verge_action)action,
+        .lane_id = lane->id,
+        .t0 = (double)t * self->def.step_s,
+        .t1 = (double)(t + 1u) * self->def.step_s,
+        .s = vg_lane_s(lane, (double)after->station[slot]),
+        .d = (double)after->d[slot],
+        .v = (double)after->v[slot],
+        .distance = (double)((moves->station[row->along][slot] - before->station[slot])
+                             * before->rate[slot]),
+        .brake_light = row->brake_light,
+        .turn_signal = row->turn_signal,
+        .ahead_id = id_of(self, scene, ahead),
+        .behind_id = id_of(self, scene, behind),
+    };
+}
+
+// Drives the flow along the actions decided and notes each vehicle's state after each step.
+static void write_steps(verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
+                        verge_decision* decision)
+{
+    VERGE_ASSERT(line->step_count <= VERGE_STEPS_MAX);
+    vg_moves moves;
+    memset(&moves, 0, sizeof moves);
+    for (uint32_t slot = 0; slot < decision->vehicle_count; ++slot) {
+        decision->vehicles[slot].vehicle_id = id_of(self, scene, (int32_t)slot);
+        decision->vehicles[slot].step_count = line->step_count;
+    }
+    for (uint32_t t = 0; t < line->step_count; ++t) {
+        const vg_flow* before = &self->flows[t % 2u];
+        vg_flow* after = &self->flows[(t + 1u) % 2u];
+        vg_flow_moves(self->model, before, &moves);
+        vg_flow_advance(self->model, before, &moves, line->actions[t], after);
+        for (uint32_t slot = 0; slot < decision->vehicle_count; ++slot) {
+            decision->vehicles[slot].steps[t] =
+                step_of(self, scene, before, &moves, after, slot, line->actions[t][slot], t);
+        }
+    }
+}
+
+const verge_vehicle_decision* verge_decision_of(const verge_decision* decision, int32_t vehicle_id)
+{
+    for (uint32_t i = 0; i < decision->vehicle_count; ++i) {
+        if (decision->vehicles[i].vehicle_id == vehicle_id) {
+            return &decision->vehicles[i];
+        }
+    }
+    return NULL;
+}

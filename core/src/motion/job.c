@@ -1,0 +1,241 @@
+/// See job.h.
+#include "motion/job.h"
+
+#include "base/contract.h"
+#include "base/scalar.h"
+#include "motion/segments.h"
+
+#include <string.h>
+
+// A vehicle this near to its last trajectory follows it. [m]
+static const double on_plan = 0.3;
+// Deceleration beyond which the brake lights are on: more than lifting the foot does. [m/s^2]
+static const double brake_light_from = 0.8;
+
+static double known_curvature(const verge_planner_def* def, const verge_vehicle* v, int64_t utime,
+                              const verge_vehicle_plan* before);
+static bool on_trajectory(const verge_vehicle* v, const verge_vehicle_plan* before, uint32_t k);
+static void finish_change(const vg_expected* expected, int64_t utime, const verge_vehicle_plan* before,
+                          vg_job* job);
+static void brake_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,
+                           verge_vehicle_plan* plan);
+
+bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* scene,
+                  uint32_t vehicle_index, const verge_vehicle_decision* decision,
+                  const verge_vehicle_plan* before, verge_vehicle_plan* plan)
+{
+    VERGE_ASSERT(vehicle_index < scene->vehicle_count);
+    const verge_vehicle* vehicle = &scene->vehicles[vehicle_index];
+    const verge_lane_position* at = &scene->positions[vehicle_index];
+    memset(job, 0, sizeof *job);
+    job->def = def;
+    job->road = scene->road;
+    job->vehicle = vehicle;
+    job->on_road = at->lane_id != VERGE_NO_LANE;
+    job->s = at->s;
+    job->d = at->d;
+    job->target = -1;
+    job->change_lane = -1;
+    job->curvature = known_curvature(def, vehicle, scene->utime, before);
+    job->track_index = vehicle_index;
+    if (!job->on_road) {
+        memset(plan, 0, sizeof *plan);
+        brake_off_road(def, vehicle, plan);
+    } else {
+        const double horizon = def->point_s * (double)(def->points - 1u);
+        vg_expected expected;
+        if (decision == NULL || !vg_expected_from(&expected, scene, vehicle_index, decision)
+            || expected.t[expected.step_count] < horizon - 1e-9) {
+            return false;
+        }
+        job->lane = expected.states[0].lane;
+        job->target = vg_road_lane_index(scene->road, vehicle->target_lane);
+        vg_segments_from(&expected, job);
+        if (def->search == VERGE_SEARCH_BEST) {
+            finish_change(&expected, scene->utime, before, job);
+        }
+        memset(plan, 0, sizeof *plan);
+        plan->action_count = decision->step_count;
+        memcpy(plan->actions, decision->steps, decision->step_count * sizeof decision->steps[0]);
+    }
+    plan->vehicle_id = vehicle->id;
+    plan->utime = scene->utime;
+    return true;
+}
+
+// Where the yaw rate says nothing (below 2 m/s, or not measured) a vehicle that is where its last
+// trajectory wanted it is taken to steer as that trajectory did: without this a vehicle that crawls
+// through a bend would be planned straight ahead again and again.
+static double known_curvature(const verge_planner_def* def, const verge_vehicle* v, int64_t utime,
+                              const verge_vehicle_plan* before)
+{
+    if (v->speed >= VERGE_SPEED_SLOW && vg_finite(v->yaw_rate)) {
+        return v->yaw_rate / v->speed;
+    }
+    if (before == NULL) {
+        return 0.0;
+    }
+    const double age = vg_seconds_between(before->utime, utime) / def->point_s;
+    if (!(age >= 0.0 && age <= (double)(def->points - 1u))) {
+        return 0.0;
+    }
+    const uint32_t k = (uint32_t)(age + 0.5);
+    return on_trajectory(v, before, k) ? before->points[k].curvature : 0.0;
+}
+
+static bool on_trajectory(const verge_vehicle* v, const verge_vehicle_plan* before, uint32_t k)
+{
+    if (before->vehicle_id != v->id || k >= before->point_count) {
+        return false;
+    }
+    const double dx = before->points[k].x - v->x, dy = before->points[k].y - v->y;
+    return dx * dx + dy * dy < on_plan * on_plan;
+}
+
+// A lane change that a vehicle on its last trajectory is in the middle of goes on.
+static void finish_change(const vg_expected* expected, int64_t utime, const verge_vehicle_plan* before,
+                          vg_job* job)
+{
+    if (before == NULL) {
+        return;
+    }
+    const double age = vg_seconds_between(before->utime, utime);
+    const double k = age / job->def->point_s + 0.5;
+    const int32_t lane = vg_road_lane_index(job->road, before->change_lane_id);
+    if (k >= 0.0 && k < (double)job->def->points && lane >= 0 && before->change_end > age
+        && on_trajectory(job->vehicle, before, (uint32_t)k)) {
+        vg_segments_finish_change(expected, (uint32_t)lane, before->change_end - age, job);
+    }
+}
+
+// On no lane there is nothing to decide: the vehicle slows down where it is.
+static void brake_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,
+                           verge_vehicle_plan* plan)
+{
+    double v = vehicle->speed;
+    plan->action_count = def->steps;
+    for (uint32_t t = 0; t < def->steps; ++t) {
+        v = vg_max(v - def->deceleration * def->step_s, 0.0);
+        plan->actions[t] = (verge_action_step){
+            .action = VERGE_DECELERATE,
+            .lane_id = VERGE_NO_LANE,
+            .t0 = (double)t * def->step_s,
+            .t1 = (double)(t + 1u) * def->step_s,
+            .v = v,
+            .brake_light = true,
+            .ahead_id = -1,
+            .behind_id = -1,
+        };
+    }
+}
+
+// The lane that a job wanted to change to and its trajectory does change to: where no candidate for
+// the change is acceptable, the vehicle keeps its lane.
+static int32_t lane_changed_to(const vg_job* job, const verge_vehicle_plan* plan)
+{
+    if (plan->status != VERGE_PLANNED || job->change_lane < 0) {
+        return VERGE_NO_LANE;
+    }
+    const int32_t lane = job->road->lanes[job->change_lane].id;
+    const verge_point* end = &plan->points[plan->point_count - 1u];
+    const verge_lane_position at = verge_road_project(job->road, end->x, end->y, end->heading, lane);
+    return at.contained && verge_road_continues(job->road, lane, at.lane_id) ? lane : VERGE_NO_LANE;
+}
+
+// The lights show what the trajectory does, not only what the decision is called.
+static void set_brake_lights(verge_vehicle_plan* plan)
+{
+    for (uint32_t t = 0; t < plan->action_count; ++t) {
+        verge_action_step* step = &plan->actions[t];
+        for (uint32_t k = 0; k < plan->point_count; ++k) {
+            const verge_point* p = &plan->points[k];
+            if (p->t >= step->t0 && p->t < step->t1 && p->acceleration < -brake_light_from) {
+                step->brake_light = true;
+            }
+        }
+    }
+}
+
+void vg_job_end(const vg_job* job, const vg_workspace* workspace, verge_vehicle_plan* plan)
+{
+    set_brake_lights(plan);
+    plan->change_lane_id = lane_changed_to(job, plan);
+    plan->change_end = workspace->settled;
+}
+
+// ---------------------------------------------------------------------------- the stage alone
+
+struct verge_sampler {
+    verge_planner_def def;
+    vg_workspace*     workspace;
+    vg_job            job;
+    uint64_t          candidates;
+};
+
+static verge_sampler* take(vg_arena* arena, const verge_planner_def* def)
+{
+    verge_sampler* self = vg_arena_take(arena, sizeof *self);
+    vg_workspace* workspace = vg_workspace_take(arena, def);
+    if (self != NULL) {
+        self->def = *def;
+        self->def.road = (verge_road_def){ NULL, 0 };
+        self->workspace = workspace;
+    }
+    return self;
+}
+
+size_t verge_sampler_memory_size(const verge_planner_def* def)
+{
+    vg_arena arena;
+    vg_arena_init(&arena, NULL, 0);
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return 0;
+    }
+    (void)take(&arena, def);
+    return arena.used;
+}
+
+verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def* def, void* memory,
+                                size_t size)
+{
+    VERGE_ASSERT(sampler != NULL);
+    *sampler = NULL;
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return VERGE_ERR_DEF;
+    }
+    vg_arena arena;
+    if (!vg_arena_begin(&arena, memory, size)) {
+        return VERGE_ERR_MEMORY;
+    }
+    verge_sampler* self = take(&arena, def);
+    *sampler = arena.failed ? NULL : self;
+    return *sampler == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+}
+
+verge_status verge_plan_vehicle(verge_sampler* self, const verge_scene* scene,
+                                const verge_vehicle_decision* decision, const verge_tracks* tracks,
+                                const verge_vehicle_plan* before, verge_vehicle_plan* plan)
+{
+    VERGE_ASSERT(self != NULL && scene != NULL && decision != NULL && tracks != NULL && plan != NULL);
+    VERGE_ASSERT(before != plan);
+    const int32_t index = verge_scene_find(scene, decision->vehicle_id);
+    if (index < 0) {
+        return VERGE_ERR_VEHICLE;
+    }
+    if (tracks->count != scene->vehicle_count) {
+        return VERGE_ERR_CAPACITY;
+    }
+    if (!vg_job_begin(&self->job, &self->def, scene, (uint32_t)index, decision, before, plan)) {
+        return VERGE_ERR_DEF;
+    }
+    self->workspace->evaluated = 0;
+    vg_vehicle_plan_trajectory(self->workspace, &self->job, tracks, plan);
+    self->candidates += self->workspace->evaluated;
+    vg_job_end(&self->job, self->workspace, plan);
+    return VERGE_OK;
+}
+
+uint64_t verge_sampler_candidates(const verge_sampler* self)
+{
+    return self->candidates;
+}

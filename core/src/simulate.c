@@ -1,0 +1,127 @@
+/// Humans for simulators: the prediction model, with the wish to drive at the limit.
+#include "verge/simulate.h"
+
+#include "base/arena.h"
+#include "base/contract.h"
+#include "base/scalar.h"
+#include "road/road.h"
+#include "traffic/advance.h"
+
+struct verge_humans {
+    verge_planner_def def;
+    verge_scene scene;
+    vg_pairs* pairs;
+    vg_model* model;
+    vg_flow*  flows; // [2] now and dt later
+};
+
+static verge_humans* take(vg_arena* arena, const verge_planner_def* def)
+{
+    const uint32_t vehicles_max = def->vehicles_max;
+    verge_humans* self = vg_arena_take(arena, sizeof *self);
+    verge_lane_position* positions = vg_arena_take(arena, vehicles_max * sizeof *positions);
+    vg_pairs* pairs = vg_pairs_take(arena, vehicles_max);
+    vg_model* model = vg_arena_take(arena, sizeof *model);
+    vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
+    if (self != NULL) {
+        *self = (verge_humans){ .def = *def, .pairs = pairs, .model = model, .flows = flows };
+        self->def.road = (verge_road_def){ NULL, 0 };
+        self->scene = (verge_scene){ .positions = positions, .vehicles_max = vehicles_max };
+    }
+    return self;
+}
+
+size_t verge_humans_memory_size(const verge_planner_def* def)
+{
+    vg_arena arena;
+    vg_arena_init(&arena, NULL, 0);
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return 0;
+    }
+    (void)take(&arena, def);
+    return arena.used;
+}
+
+verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* def, void* memory,
+                               size_t size)
+{
+    VERGE_ASSERT(humans != NULL);
+    *humans = NULL;
+    if (verge_planner_check(def, NULL) != VERGE_OK) {
+        return VERGE_ERR_DEF;
+    }
+    vg_arena arena;
+    if (!vg_arena_begin(&arena, memory, size)) {
+        return VERGE_ERR_MEMORY;
+    }
+    verge_humans* self = take(&arena, def);
+    *humans = arena.failed ? NULL : self;
+    return *humans == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+}
+
+// A vehicle that verge_scene_place() would refuse is on no lane.
+static verge_lane_position position_of(const verge_road* road, const verge_vehicle* v)
+{
+    if (verge_road_check_vehicle(road, v) != VERGE_OK) {
+        return (verge_lane_position){ .lane_id = VERGE_NO_LANE };
+    }
+    return verge_road_project(road, v->x, v->y, v->heading, VERGE_NO_LANE);
+}
+
+static void move(verge_humans* self, const vg_flow* next, uint32_t slot, double dt)
+{
+    const verge_scene* scene = &self->scene;
+    const uint32_t i = self->model->input_index[slot];
+    const verge_lane_position* on = &scene->positions[i];
+    const int32_t lane = vg_road_lane_index(scene->road, on->lane_id);
+    verge_vehicle* v = &scene->vehicles[i];
+    VERGE_ASSERT(lane >= 0);
+    const double speed = (double)next->v[slot];
+    const vg_reference at =
+        vg_road_at(scene->road, (uint32_t)lane, -1, on->s + 0.5 * (v->speed + speed) * dt);
+    const double heading = vg_atan2(at.sin_heading, at.cos_heading);
+    v->x = at.x - on->d * at.sin_heading;
+    v->y = at.y + on->d * at.cos_heading;
+    v->yaw_rate = vg_wrap_angle(heading - v->heading) / dt;
+    v->heading = heading;
+    v->acceleration = (speed - v->speed) / dt;
+    v->speed = speed;
+}
+
+verge_status verge_humans_advance(verge_humans* self, const verge_road* road, verge_vehicle* vehicles,
+                                  uint32_t vehicle_count, double dt)
+{
+    VERGE_ASSERT(self != NULL && road != NULL && (vehicle_count == 0 || vehicles != NULL));
+    if (!(dt > 0.0 && dt <= 1.0)) {
+        return VERGE_ERR_DEF;
+    }
+    if (vehicle_count > self->def.vehicles_max) {
+        return VERGE_ERR_CAPACITY;
+    }
+    verge_scene* scene = &self->scene;
+    scene->road = road;
+    scene->vehicle_count = vehicle_count;
+    scene->vehicles = vehicles;
+    for (uint32_t i = 0; i < vehicle_count; ++i) {
+        scene->positions[i] = position_of(road, &vehicles[i]);
+    }
+    vg_flow* next = &self->flows[1];
+    vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene,
+                  vg_scene_controlled(scene));
+    vg_model_free_humans(self->model, &self->flows[0]);
+    vg_flow_follow(self->model, &self->flows[0], dt, next);
+    for (uint32_t i = 0; i < vehicle_count; ++i) {
+        verge_vehicle* v = &vehicles[i];
+        const bool straight = scene->positions[i].lane_id == VERGE_NO_LANE && vg_finite(v->x)
+                              && vg_finite(v->y) && vg_abs(v->heading) <= 1e6 && vg_finite(v->speed);
+        if (straight && !v->controlled) {
+            v->x += v->speed * dt * vg_cos(v->heading);
+            v->y += v->speed * dt * vg_sin(v->heading);
+        }
+    }
+    for (uint32_t slot = self->model->controlled_count; slot < self->model->count; ++slot) {
+        move(self, next, slot, dt);
+    }
+    scene->vehicles = NULL;
+    return VERGE_OK;
+}

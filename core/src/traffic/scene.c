@@ -1,0 +1,187 @@
+/// Vehicles on the road: checked, ordered by id, each on the lane it drives along.
+#include "verge/scene.h"
+
+#include "base/contract.h"
+#include "base/scalar.h"
+#include "geometry/rectangle.h"
+#include "road/road.h"
+
+// Input limits: what no road vehicle does is a fault of the message, not of the road.
+static const double coordinate_max = 1e6; // [m]
+static const double speed_max = 70.0;     // [m/s]
+static const double acceleration_max = 30.0;
+static const double yaw_rate_max = 5.0;
+
+static bool vehicle_holds(const verge_road* road, const verge_vehicle* v);
+static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count);
+static verge_lane_position locate(const verge_road* road, const verge_vehicle* v, int32_t lane_before);
+
+verge_status verge_scene_place(verge_scene* scene, int64_t utime, const verge_vehicle* vehicles,
+                               uint32_t vehicle_count, const verge_scene* before)
+{
+    VERGE_ASSERT(scene != NULL && scene->road != NULL && scene != before);
+    VERGE_ASSERT(vehicle_count == 0 || vehicles != NULL);
+    scene->vehicle_count = 0;
+    const verge_status status = accept(scene, vehicles, vehicle_count);
+    if (status != VERGE_OK) {
+        return status;
+    }
+    for (uint32_t i = 0; i < vehicle_count; ++i) {
+        const verge_vehicle* v = &scene->vehicles[i];
+        const int32_t k = before != NULL ? verge_scene_find(before, v->id) : -1;
+        verge_lane_position at =
+            locate(scene->road, v, k < 0 ? VERGE_NO_LANE : before->positions[k].lane_id);
+        // Vehicles heading against the lane are treated as off-road.
+        if (!(vg_cos(at.heading - v->heading) > 0.0)) {
+            at.lane_id = VERGE_NO_LANE;
+        }
+        scene->positions[i] = at;
+    }
+    scene->utime = utime;
+    scene->vehicle_count = vehicle_count;
+    return VERGE_OK;
+}
+
+int32_t verge_scene_find(const verge_scene* scene, int32_t vehicle_id)
+{
+    uint32_t low = 0, high = scene->vehicle_count;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2u;
+        if (scene->vehicles[middle].id < vehicle_id) {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low < scene->vehicle_count && scene->vehicles[low].id == vehicle_id ? (int32_t)low : -1;
+}
+
+verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicle* vehicle)
+{
+    if (!vehicle_holds(road, vehicle)) {
+        return VERGE_ERR_VEHICLE;
+    }
+    const verge_lane_position at =
+        verge_road_project(road, vehicle->x, vehicle->y, vehicle->heading, VERGE_NO_LANE);
+    return at.lane_id == VERGE_NO_LANE ? VERGE_ERR_OFF_ROAD : VERGE_OK;
+}
+
+static bool within(double x, double bound)
+{
+    return vg_finite(x) && x >= -bound && x <= bound;
+}
+
+static bool habit_holds(const verge_habit* habit)
+{
+    const verge_weights* w = &habit->weights;
+    const double values[] = { w->curvature, w->heading, w->offset, w->acceleration, w->jerk,
+                              w->obstacle };
+    for (uint32_t i = 0; i < sizeof values / sizeof values[0]; ++i) {
+        if (!(values[i] >= 0.0 && values[i] <= 1e6)) {
+            return false;
+        }
+    }
+    return habit->cooperation >= 0.0 && habit->cooperation <= 1.0;
+}
+
+// Not given at all, or of this vehicle's size and good by itself.
+static bool body_holds(const verge_vehicle* v)
+{
+    const verge_body* body = &v->body;
+    if (body->length == 0.0 && body->wheelbase == 0.0 && body->rear_axle == 0.0) {
+        return true;
+    }
+    return verge_body_check(body, NULL) && body->length == v->length && body->width == v->width;
+}
+
+static bool vehicle_holds(const verge_road* road, const verge_vehicle* v)
+{
+    const bool motion = within(v->x, coordinate_max) && within(v->y, coordinate_max)
+                        && within(v->heading, 2.0 * VG_PI) && v->speed >= 0.0
+                        && within(v->speed, speed_max) && within(v->acceleration, acceleration_max)
+                        && (v->yaw_rate != v->yaw_rate || within(v->yaw_rate, yaw_rate_max));
+    const bool body = v->length >= 0.5 && v->length <= 30.0 && v->width >= 0.3 && v->width <= 4.0
+                      && v->margin >= 0.0 && v->margin <= 100.0 && body_holds(v);
+    const bool wish = v->target_lane == VERGE_NO_LANE || vg_road_lane_index(road, v->target_lane) >= 0;
+    return v->id >= 0 && motion && body && wish && (!v->controlled || habit_holds(&v->habit));
+}
+
+// Copies the vehicles in the order of their ids, by insertion: few, and often sorted already.
+static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count)
+{
+    verge_vehicle* sorted = scene->vehicles;
+    if (count > scene->vehicles_max) {
+        return VERGE_ERR_CAPACITY;
+    }
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!vehicle_holds(scene->road, &vehicles[i])) {
+            return VERGE_ERR_VEHICLE;
+        }
+        uint32_t at = i;
+        for (; at > 0 && sorted[at - 1u].id > vehicles[i].id; --at) {
+            sorted[at] = sorted[at - 1u];
+        }
+        sorted[at] = vehicles[i];
+        sorted[at].heading = vg_wrap_angle(vehicles[i].heading);
+        if (at > 0 && sorted[at - 1u].id == vehicles[i].id) {
+            return VERGE_ERR_DUPLICATE;
+        }
+    }
+    return VERGE_OK;
+}
+
+// The lane the vehicle had before, else the lane that continues it.
+static verge_lane_position locate_from(const verge_road* road, const verge_vehicle* v, int32_t lane_before)
+{
+    const verge_lane_position at = verge_road_project(road, v->x, v->y, v->heading, lane_before);
+    if (lane_before == VERGE_NO_LANE || at.lane_id == lane_before) {
+        return at;
+    }
+    const int32_t next =
+        verge_road_next(road, lane_before, v->controlled ? v->target_lane : VERGE_NO_LANE);
+    return next == VERGE_NO_LANE ? at : verge_road_project(road, v->x, v->y, v->heading, next);
+}
+
+static verge_lane_position locate(const verge_road* road, const verge_vehicle* v, int32_t lane_before)
+{
+    verge_lane_position at = locate_from(road, v, lane_before);
+    const int32_t target = v->controlled ? vg_road_lane_index(road, v->target_lane) : -1;
+    if (at.lane_id == VERGE_NO_LANE || target < 0) {
+        return at;
+    }
+    uint32_t fewest =
+        vg_road_changes(road, (uint32_t)vg_road_lane_index(road, at.lane_id), (uint32_t)target);
+    const bool never = fewest == VG_NEVER && !verge_road_continues(road, v->target_lane, at.lane_id);
+    for (uint32_t lane = 0; never && lane < road->lane_count; ++lane) {
+        const uint32_t changes = vg_road_changes(road, lane, (uint32_t)target);
+        if (changes < fewest) {
+            const verge_lane_position other =
+                verge_road_project(road, v->x, v->y, v->heading, road->lanes[lane].id);
+            if (other.lane_id == road->lanes[lane].id && other.contained) {
+                at = other;
+                fewest = changes;
+            }
+        }
+    }
+    return at;
+}
+
+static vg_rectangle body_of(const verge_vehicle* v)
+{
+    vg_rectangle body = { .x = v->x, .y = v->y, .half_length = 0.5 * v->length + v->margin,
+                          .half_width = 0.5 * v->width + v->margin };
+    vg_sincos(v->heading, &body.sin_heading, &body.cos_heading);
+    return body;
+}
+
+bool verge_vehicles_overlap(const verge_vehicle* a, const verge_vehicle* b)
+{
+    const vg_rectangle first = body_of(a), second = body_of(b);
+    return vg_rectangle_overlap(&first, &second);
+}
+
+double verge_vehicles_distance(const verge_vehicle* a, const verge_vehicle* b)
+{
+    const vg_rectangle first = body_of(a), second = body_of(b);
+    return vg_rectangle_distance(&first, &second);
+}

@@ -3,6 +3,7 @@
 /// back for it, as a vehicle would. A vehicle that hears nothing keeps to its lane (world.h).
 #define _GNU_SOURCE
 #include "latency.h"
+#include "tell.h"
 
 #include "common/bus_json.h"
 #include "common/number.h"
@@ -34,6 +35,7 @@ typedef struct arguments {
     const char* duration_text;
     const char* seed_text;
     bool        quiet;
+    bool        all;
     double      duration; // [s] NaN: the scenario's
     uint64_t    seed;
     bool        seeded;
@@ -52,7 +54,7 @@ typedef struct publisher {
     metrics         metrics;
     transport*      bus;
     FILE*           run;        // null: not recorded
-    bool            quiet;
+    tell            tell;
     int64_t         start;      // [us] wall clock at the world's t = 0
     int32_t         sequence;
     int64_t         sent_utime; // [us] of the states sent last
@@ -102,13 +104,15 @@ static int read_arguments(arguments* args, int argc, char** argv)
         { "--duration", "S", "ends after S seconds instead of at the end of the scenario",
           &args->duration_text, NULL },
         { "--seed", "N", "replaces the seed of the scenario", &args->seed_text, NULL },
+        { "--all", NULL, "prints every plan, not only those that change something", NULL,
+          &args->all },
         { "--quiet", NULL, "does not print the plans", NULL, &args->quiet },
     };
     const program self = {
         .name = "verge-publish",
         .argument = "SCENARIO.json",
         .text = "Publishes the states of a scenario's vehicles in real time, drives the plans\n"
-                "that it receives, and prints plans and metrics.",
+                "that it receives, and prints the plans that change something and the metrics.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = 2,
@@ -131,6 +135,13 @@ static int read_arguments(arguments* args, int argc, char** argv)
         }
     }
     return options_u64(&self, "--seed", args->seed_text, &args->seed, &args->seeded) ? 0 : 2;
+}
+
+static int64_t clock_us(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
 }
 
 static bool print_metrics(publisher* self);
@@ -168,7 +179,6 @@ static int open_bus(publisher* self, const arguments* args)
 static int run(publisher* self, const arguments* args)
 {
     static output file; // static: 8 KiB of paths
-    self->quiet = args->quiet;
     const int opened = open_bus(self, args);
     if (opened != 0) {
         return opened;
@@ -181,6 +191,7 @@ static int run(publisher* self, const arguments* args)
     }
     self->run = file.stream;
     const double duration = isnan(args->duration) ? self->scene->duration : args->duration;
+    tell_init(&self->tell, args->bus, args->quiet, args->all, clock_us(CLOCK_MONOTONIC));
     bool good = world_init(&self->world, self->scene) && metrics_init(&self->metrics, &self->world);
     good = good && publish(self, duration);
     if (good && args->out != NULL && !output_close(&file)) {
@@ -201,11 +212,15 @@ static void publish_states(publisher* self);
 static void follow_plans(publisher* self, int64_t until);
 static void gather_end(publisher* self);
 
-static int64_t clock_us(clockid_t clock)
+/// Does a vehicle ask for plans?
+static bool asks(const publisher* self)
 {
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
+    bool found = false;
+    for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
+        found = found || (self->world.vehicles[i].present &&
+                          self->world.vehicles[i].state.controlled);
+    }
+    return found;
 }
 
 static bool publish(publisher* self, double duration)
@@ -230,6 +245,7 @@ static bool publish(publisher* self, double duration)
         if (self->world.tick >= end) {
             break;
         }
+        tell_silence(&self->tell, asks(self), clock_us(CLOCK_MONOTONIC));
         follow_plans(self, begun + ((int64_t)self->world.tick + 1) * TICK_US);
         world_advance(&self->world);
     }
@@ -300,8 +316,6 @@ static void follow_plans(publisher* self, int64_t until)
 static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message);
 static void gather(publisher* self, const verge_vehicle_plan_t* message,
                    const verge_vehicle_plan* plan);
-static void print_plan(const publisher* self, const verge_vehicle_plan_t* message,
-                       const verge_vehicle_plan* plan);
 
 /// A vehicle takes a plan that makes sense, is its own and is no older than the one it has.
 static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_t arrival)
@@ -330,9 +344,8 @@ static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_
         const verge_vehicle_plan plan = plan_of(message);
         world_follow(&self->world, &plan, (double)(message->utime - self->start) * 1e-6);
         gather(self, message, &plan);
-        if (!self->quiet) {
-            print_plan(self, message, &plan);
-        }
+        tell_plan(&self->tell, i, world_time(&self->world), message, &plan,
+                  clock_us(CLOCK_MONOTONIC));
     }
 }
 
@@ -396,36 +409,6 @@ static void gather_end(publisher* self)
     }
     memset(&self->gathered, 0, sizeof self->gathered);
     self->gathered_cycle = -1;
-}
-
-// ---- words --------------------------------------------------------------------------------
-
-static const char* status_word(int32_t status)
-{
-    static const char* const WORDS[] = { "planned", "keeps lane", "brakes", "cancelled" };
-    return WORDS[status];
-}
-
-/// One line: who, which cycle, what it does from here on, where that leads.
-static void print_plan(const publisher* self, const verge_vehicle_plan_t* message,
-                       const verge_vehicle_plan* plan)
-{
-    printf("%6.1f s  vehicle %-3d cycle %-4d %-10s", world_time(&self->world), plan->vehicle_id,
-           message->cycle, status_word(message->status));
-    for (uint32_t i = 0; i < plan->action_count; i++) {
-        printf(" %s", verge_action_name(plan->actions[i].action));
-    }
-    if (plan->action_count > 0) {
-        char say[160];
-        verge_action_say(&plan->actions[0], say, sizeof say);
-        const verge_action_step* last = &plan->actions[plan->action_count - 1];
-        printf("  (%s; lane %d, %.1f m/s in %.1f s)", say, last->lane_id, last->v, last->t1);
-    }
-    if (plan->status != VERGE_PLANNED && plan->reason != VERGE_REASON_NONE) {
-        printf("  %s", verge_reason_text(plan->reason));
-    }
-    printf("\n");
-    fflush(stdout);
 }
 
 static bool print_metrics(publisher* self)

@@ -387,7 +387,7 @@ def the_closed_loop_drives_by_its_plans(rig):
     with Daemon(rig, config) as rsu:
         code, text, error = rig.run(
             rig.bin / "verge-publish", SOURCE / "apps/scenarios/ramp-case1.json", "--bus", DDS,
-            "--bus-options", options, "--duration", "8")
+            "--bus-options", options, "--duration", "8", "--all")
         check(code == 0, error)
         check(text.count(" cycle ") >= 30, "a line for each vehicle and plan:\n" + text)
         result = json.loads(text[text.index("{"):])

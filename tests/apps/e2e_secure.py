@@ -347,7 +347,8 @@ class Publisher:
     """verge-publish in the background; how many plans came to its vehicles."""
 
     def __init__(self, rig, options=None, duration=60):
-        command = [rig.bin / "verge-publish", RAMP, "--bus", "dds:0", "--duration", duration]
+        command = [rig.bin / "verge-publish", RAMP, "--bus", "dds:0", "--all",
+                   "--duration", duration]
         command += ["--bus-options", options] if options else []
         self.out = tempfile.TemporaryFile("w+")
         self.process = subprocess.Popen([str(word) for word in command], stdout=self.out,

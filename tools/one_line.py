@@ -62,15 +62,15 @@ def version():
 def two_files(about, names):
     """The two paths of a command line. --help and --version print and end the program."""
     program, given = pathlib.Path(sys.argv[0]).name, sys.argv[1:]
-    usage = f"usage: {program} {names}"
     if given == ["--version"]:
         print(f"{program} {version()}")
         sys.exit(0)
     if given == ["--help"]:
-        print(about.strip().replace(HERE.joinpath(sys.argv[0]).resolve().name, program))
+        print(f"usage: {program} [options] {names}\n\n{about.strip()}\n\noptions:\n"
+              f"  {'--help':18} prints this and ends\n  {'--version':18} prints the version and ends")
         sys.exit(0)
     if len(given) != 2 or any(word.startswith("--") for word in given):
-        raise BadInput(f"{program}:arguments: expected two files ({usage})")
+        raise BadInput(f"{program}:arguments: expected {names}, see --help")
     return map(pathlib.Path, given)
 
 

@@ -1,8 +1,6 @@
 #!/usr/bin/python3
 """Draws a run: the path, the decisions and the speed of each vehicle.
 
-    plot.py RUN.jsonl OUT.png
-
 Top: the road as surveyed, to scale. A controlled vehicle is a coloured path. Its body is drawn
 every two seconds, with the time inside, and with brake lights and turn signals. Each action is named
 where it begins. Uncontrolled vehicles are grey. A long road is split into rows; each row continues
@@ -12,6 +10,8 @@ The run file is that of verge-sim and verge-publish, format verge-run/1.
 """
 import math
 import sys
+
+sys.dont_write_bytecode = True  # the folder of an installed program is not to be written to
 
 try:
     import matplotlib

@@ -1,8 +1,6 @@
 #!/usr/bin/python3
 """Makes a page that replays a run: one HTML file, opened from disk, without a network.
 
-    replay_html.py RUN.jsonl OUT.html
-
 The run file is that of verge-sim and verge-publish, format verge-run/1. An incomplete file is
 replayed as far as it goes. Text, style and program of the page are in replay_page/. This script
 adds the run in a compact form: lengths are rounded to millimetres and written as second
@@ -17,6 +15,8 @@ import math
 import pathlib
 import re
 import sys
+
+sys.dont_write_bytecode = True  # the folder of an installed program is not to be written to
 
 try:
     import numpy as np

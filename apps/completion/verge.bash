@@ -25,4 +25,4 @@ _verge() {
     mapfile -t COMPREPLY < <(compgen -W "$words" -- "$current")
 }
 complete -o filenames -o bashdefault -F _verge verge-rsu verge-ctl verge-echo verge-plan verge-sim \
-    verge-publish verge-replay verge-bench verge-experiment
+    verge-publish verge-replay verge-plot verge-replay-html verge-bench verge-experiment

@@ -38,7 +38,8 @@ their trajectories and broadcasts the plans; with its systemd units and manual."
 set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME verge-tools)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "python3, python3-numpy, python3-matplotlib")
 set(CPACK_COMPONENT_TOOLS_DESCRIPTION "Joint planning of vehicles at the roadside: tools
 Plans and simulates scenarios, stands in for vehicles on a bus, repeats
-recordings, measures; with the scenarios of the paper it comes from.")
+recordings, draws and replays runs, measures; with the scenarios of the paper it comes from.")
 include(CPack)

@@ -61,11 +61,13 @@ set(VERGE_PROGRAMS_rsu verge-rsu verge-ctl)
 set(VERGE_PROGRAMS_tools verge-plan verge-sim verge-publish verge-echo verge-replay verge-bench
     verge-experiment)
 set(VERGE_PAGES_rsu verge-rsu.json.5 verge.7)
+# Programs in Python: links to their files, which lie in a folder of their own.
+set(VERGE_SCRIPTS_tools verge-plot verge-replay-html)
 set(VERGE_PAGES_tools verge-scenario.5)
 foreach(component rsu tools)
     install(TARGETS ${VERGE_PROGRAMS_${component}} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR}
         COMPONENT ${component})
-    foreach(program ${VERGE_PROGRAMS_${component}})
+    foreach(program ${VERGE_PROGRAMS_${component}} ${VERGE_SCRIPTS_${component}})
         install(FILES apps/completion/verge.bash RENAME ${program}
             DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
             COMPONENT ${component})
@@ -84,6 +86,23 @@ foreach(component rsu tools)
             DESTINATION ${CMAKE_INSTALL_MANDIR}/man${section} COMPONENT ${component})
     endforeach()
 endforeach()
+# name of the program:name of its file, in tools/
+set(VERGE_TOOLS_DIR ${CMAKE_INSTALL_DATADIR}/verge/tools)
+file(RELATIVE_PATH VERGE_TOOLS_FROM_BIN /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${VERGE_TOOLS_DIR})
+foreach(pair verge-plot:plot.py verge-replay-html:replay_html.py)
+    string(REPLACE ":" ";" pair ${pair})
+    list(GET pair 0 program)
+    list(GET pair 1 file)
+    file(CREATE_LINK ${PROJECT_SOURCE_DIR}/tools/${file} ${CMAKE_BINARY_DIR}/bin/${program} SYMBOLIC)
+    file(CREATE_LINK ${VERGE_TOOLS_FROM_BIN}/${file} ${CMAKE_BINARY_DIR}/package/${program} SYMBOLIC)
+    install(FILES ${CMAKE_BINARY_DIR}/package/${program} DESTINATION ${CMAKE_INSTALL_BINDIR}
+        COMPONENT tools)
+    install(PROGRAMS tools/${file} DESTINATION ${VERGE_TOOLS_DIR} COMPONENT tools)
+endforeach()
+file(WRITE ${CMAKE_BINARY_DIR}/package/version "${PROJECT_VERSION}\n")
+install(FILES tools/one_line.py tools/road_lines.py tools/run_file.py
+    ${CMAKE_BINARY_DIR}/package/version DESTINATION ${VERGE_TOOLS_DIR} COMPONENT tools)
+install(DIRECTORY tools/replay_page DESTINATION ${VERGE_TOOLS_DIR} COMPONENT tools)
 file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/man)
 add_custom_target(verge-man ALL DEPENDS ${VERGE_GZIPPED_PAGES})
 install(DIRECTORY apps/schema DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT rsu)

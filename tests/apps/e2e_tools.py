@@ -100,7 +100,7 @@ def help_and_version_are_told(folder):
         version = run(tool, "--version")
         assert version.returncode == 0 and re.fullmatch(rf"{tool} [0-9.]+\n", version.stdout)
         told = run(tool, "--help")
-        assert told.returncode == 0 and f"{tool} RUN.jsonl OUT." in told.stdout, told
+        assert told.returncode == 0 and f"{tool} [options] RUN.jsonl OUT." in told.stdout, told
 
 
 def other_tools_refuse_what_they_cannot_use(folder, bad):

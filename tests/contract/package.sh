@@ -62,6 +62,23 @@ done
 (cd "$build_dir/bin" && printf ' %s' verge-*) | diff - <(printf '%s' "$programs") ||
     fail "built and packaged programs differ"
 
+# What draws a run, from there: with the packages it asks for and nothing of the sources.
+dpkg-deb -f "$work/made/verge-tools_${version}_$architecture.deb" Depends |
+    grep -qE 'python3, .*python3-matplotlib' || fail "verge-tools does not ask for what it draws with"
+"$work/root/usr/bin/verge-sim" "$work/root/usr/share/verge/scenarios/ramp-case1.json" \
+    --out "$work/run.jsonl" >"$work/sim.log"
+if /usr/bin/python3 -c 'import matplotlib' 2>/dev/null; then
+    for pair in plot:png replay-html:html; do
+        program=$work/root/usr/bin/verge-${pair%:*}
+        (cd / && "$program" "$work/run.jsonl" "$work/run.${pair#*:}") || fail "$program fails"
+        [ -s "$work/run.${pair#*:}" ] || fail "$program writes nothing"
+        [ "$("$program" --version)" = "${program##*/} ${version%-1}" ] || fail "$program: version"
+    done
+    [ -z "$(find "$work/root" -name __pycache__)" ] || fail "what runs leaves files in its folder"
+else
+    echo "python3-matplotlib is missing: what draws runs is not run"
+fi
+
 # The daemon from there, as a unit would run it: the site it comes with, then the secured one.
 grep -qF "ExecStart=/usr/bin/verge-rsu --config /etc/verge/rsu.json" \
     "$work/root/usr/lib/systemd/system/verge-rsu.service" || fail "the unit starts something else"

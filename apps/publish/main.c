@@ -10,6 +10,7 @@
 #include "common/options.h"
 #include "common/output.h"
 #include "common/run.h"
+#include "common/state_message.h"
 
 #include "verge/wire.h"
 
@@ -63,6 +64,7 @@ typedef struct publisher {
     uint64_t        refused;    // plans that made no sense
     follower        followers[VERGE_VEHICLES_MAX]; // in the world's order
     int32_t         gathered_cycle;
+    run_origin      origin;     // of the plans gathered
     verge_plan      gathered;   // the plans of one cycle, as they come
 } publisher;
 
@@ -230,17 +232,17 @@ static bool publish(publisher* self, double duration)
         self->followers[i] = (follower){ .cycle = -1, .utime = INT64_MIN };
     }
     self->gathered_cycle = -1;
-    if (self->run != NULL) {
-        run_write_head(self->run, self->scene);
-    }
     // Ticks are kept on the clock that never steps; what is on the wire is wall clock.
     const int64_t begun = clock_us(CLOCK_MONOTONIC);
     self->start = clock_us(CLOCK_REALTIME);
+    if (self->run != NULL) {
+        run_write_bus_head(self->run, self->scene, self->start);
+    }
     for (;;) {
         publish_states(self);
         metrics_tick(&self->metrics, &self->world);
         if (self->run != NULL) {
-            run_write_tick(self->run, &self->world);
+            run_write_bus_tick(self->run, &self->world);
         }
         if (self->world.tick >= end) {
             break;
@@ -256,18 +258,6 @@ static bool publish(publisher* self, double duration)
     return true;
 }
 
-/// The standard habit that has this vehicle's cooperation; normal where none has.
-static verge_habit_kind habit_kind_of(const verge_vehicle* vehicle)
-{
-    for (int kind = VERGE_AGGRESSIVE; kind <= VERGE_CONSERVATIVE; kind++) {
-        const double cooperation = verge_habit_of((verge_habit_kind)kind).cooperation;
-        if (fabs(cooperation - vehicle->habit.cooperation) < 1e-9) {
-            return (verge_habit_kind)kind;
-        }
-    }
-    return VERGE_NORMAL;
-}
-
 static void publish_states(publisher* self)
 {
     const int64_t utime = self->start + world_utime(&self->world);
@@ -280,8 +270,7 @@ static void publish_states(publisher* self)
             continue;
         }
         const verge_vehicle_state_t state =
-            wire_state_from_vehicle(&vehicle->state, habit_kind_of(&vehicle->state), utime,
-                                    self->sequence, self->followers[i].cycle);
+            state_message(&vehicle->state, utime, self->sequence, self->followers[i].cycle);
         transport_publish_state(self->bus, &state);
     }
 }
@@ -316,8 +305,9 @@ static void follow_plans(publisher* self, int64_t until)
 static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message);
 static void gather(publisher* self, const verge_vehicle_plan_t* message,
                    const verge_vehicle_plan* plan);
+static void follow(publisher* self, uint32_t index, const verge_vehicle_plan_t* message,
+                   const verge_vehicle_plan* plan, int64_t arrival);
 
-/// A vehicle takes a plan that makes sense, is its own and is no older than the one it has.
 static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_t arrival)
 {
     const char* fault = wire_plan_check(message);
@@ -328,25 +318,33 @@ static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_
     }
     for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
         const world_vehicle* vehicle = &self->world.vehicles[i];
-        follower* follower = &self->followers[i];
-        if (vehicle->state.id != message->vehicle_id || !vehicle->present ||
-            !vehicle->state.controlled || message->utime < follower->utime) {
-            continue;
+        if (vehicle->state.id == message->vehicle_id && vehicle->state.controlled) {
+            const verge_vehicle_plan plan = plan_of(message);
+            gather(self, message, &plan); // recorded, whether the vehicle follows it or not
+            follow(self, i, message, &plan, arrival);
         }
-        const bool answers = message->state_utime == self->sent_utime &&
-                             message->state_utime != follower->state_utime;
-        if (message->status != VERGE_CANCELLED && message->reason != VERGE_REASON_OVERRUN) {
-            latency_add(&self->latency, message, arrival, answers ? self->sent_at : 0);
-        }
-        follower->state_utime = message->state_utime;
-        follower->utime = message->utime;
-        follower->cycle = message->status == VERGE_CANCELLED ? -1 : message->cycle;
-        const verge_vehicle_plan plan = plan_of(message);
-        world_follow(&self->world, &plan, (double)(message->utime - self->start) * 1e-6);
-        gather(self, message, &plan);
-        tell_plan(&self->tell, i, world_time(&self->world), message, &plan,
-                  clock_us(CLOCK_MONOTONIC));
     }
+}
+
+/// A vehicle takes a plan that is no older than the one it has.
+static void follow(publisher* self, uint32_t index, const verge_vehicle_plan_t* message,
+                   const verge_vehicle_plan* plan, int64_t arrival)
+{
+    follower* follower = &self->followers[index];
+    if (!self->world.vehicles[index].present || message->utime < follower->utime) {
+        return;
+    }
+    const bool answers = message->state_utime == self->sent_utime &&
+                         message->state_utime != follower->state_utime;
+    if (message->status != VERGE_CANCELLED && message->reason != VERGE_REASON_OVERRUN) {
+        latency_add(&self->latency, message, arrival, answers ? self->sent_at : 0);
+    }
+    follower->state_utime = message->state_utime;
+    follower->utime = message->utime;
+    follower->cycle = message->status == VERGE_CANCELLED ? -1 : message->cycle;
+    world_follow(&self->world, plan, (double)(message->utime - self->start) * 1e-6);
+    tell_plan(&self->tell, index, world_time(&self->world), message, plan,
+              clock_us(CLOCK_MONOTONIC));
 }
 
 /// The message in the planner's own words. What the wire leaves out is unknown (NaN).
@@ -388,11 +386,14 @@ static void gather(publisher* self, const verge_vehicle_plan_t* message,
         self->gathered_cycle = message->cycle;
         self->gathered.utime = message->utime;
         self->gathered.digest = (uint64_t)message->digest;
+        self->origin.cycle = message->reason == VERGE_REASON_OVERRUN ? -1 : message->cycle;
+        self->origin.valid_until_utime = message->valid_until_utime;
     }
     if (plan->status == VERGE_CANCELLED || self->gathered.vehicle_count >= VERGE_CONTROLLED_MAX) {
         return;
     }
     self->gathered.fallback_count += plan->status != VERGE_PLANNED ? 1 : 0;
+    self->origin.state_utime[self->gathered.vehicle_count] = message->state_utime;
     self->gathered.vehicles[self->gathered.vehicle_count++] = *plan;
     if (self->gathered.vehicle_count == (uint32_t)message->plans_in_cycle) {
         gather_end(self);
@@ -404,7 +405,7 @@ static void gather_end(publisher* self)
     if (self->gathered.vehicle_count > 0) {
         metrics_cycle(&self->metrics, &self->gathered, -1.0);
         if (self->run != NULL) {
-            run_write_plan(self->run, &self->world, &self->gathered);
+            run_write_bus_plan(self->run, &self->world, &self->gathered, &self->origin);
         }
     }
     memset(&self->gathered, 0, sizeof self->gathered);

@@ -1,10 +1,13 @@
 /// verge-replay: plans a recording once more and names the first cycle whose digest differs.
 ///
-/// A run file of verge-sim holds its whole scenario, so it needs nothing else. A log of
-/// `verge-rsu --record` needs the configuration it was recorded with. Exit 0: every digest is
+/// A run file of verge-sim holds its whole scenario, so it needs nothing else. One of verge-publish
+/// holds the states that it sent; its plans were made by a daemon, with the scenario's parameters or
+/// else those of --config. A log of `verge-rsu --record` needs the configuration it was recorded with. Exit 0: every digest is
 /// the same; 1: one differs; 2: the recording or the command line is not usable. With --seed the
 /// plans are other ones, so that digests differ unless it is the seed of the recording.
 #define _GNU_SOURCE
+#include "bus_run.h"
+
 #include "common/floating.h"
 #include "common/input.h"
 #include "common/number.h"
@@ -18,7 +21,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int  replay_run_file(const char* path, FILE* file, const uint64_t* seed);
+static int  replay_run_file(const char* path, FILE* file, const char* config_path,
+                            const uint64_t* seed);
 static int  replay_log(const char* path, const char* config_path, const uint64_t* seed);
 
 int main(int argc, char** argv)
@@ -27,7 +31,7 @@ int main(int argc, char** argv)
     const char* config_path = NULL;
     const char* seed_text = NULL;
     const option_entry table[] = {
-        { "--config", "RSU.json", "for a log: the configuration it was recorded with",
+        { "--config", "RSU.json", "for a log or a run on a bus: the daemon's configuration",
           &config_path, NULL },
         { "--seed", "N", "replaces the recorded seed; another seed gives other digests",
           &seed_text, NULL },
@@ -64,7 +68,7 @@ int main(int argc, char** argv)
         return 2;
     }
     rewind(file);
-    status = first == '{' ? replay_run_file(path, file, seed)
+    status = first == '{' ? replay_run_file(path, file, config_path, seed)
                           : replay_log(path, config_path, seed);
     fclose(file);
     return fflush(stdout) == 0 ? status : 1;
@@ -132,16 +136,30 @@ typedef struct recording {
     uint64_t* digests;
     uint32_t  count, capacity;
     bool      complete;   // the last line has the metrics
+
+    // A run of verge-publish is planned again while it is read.
+    const char*    config_path; // of the daemon; null: the scenario has its parameters
+    config*        config;
+    config_planner planner;
+    bus_run        bus;
+    bool           on_bus;
 } recording;
 
 static bool read_recording(recording* self, const char* path, FILE* file, const uint64_t* seed);
 static int  compare(const char* path, const recording* self, world* world);
+static int  tell_bus_run(const char* path, const recording* self);
 
-static int replay_run_file(const char* path, FILE* file, const uint64_t* seed)
+static int replay_run_file(const char* path, FILE* file, const char* config_path,
+                           const uint64_t* seed)
 {
     static recording self; // static: it is large
     int code = 2;
-    if (read_recording(&self, path, file, seed)) {
+    self.config_path = config_path;
+    const bool read = read_recording(&self, path, file, seed);
+    if (read && self.on_bus) {
+        code = tell_bus_run(path, &self);
+        scenario_free(&self.scene);
+    } else if (read) {
         world world;
         if (world_init(&world, &self.scene)) {
             code = compare(path, &self, &world);
@@ -152,11 +170,34 @@ static int replay_run_file(const char* path, FILE* file, const uint64_t* seed)
         scenario_free(&self.scene);
     }
     free(self.digests);
+    bus_run_free(&self.bus);
+    config_planner_free(&self.planner);
+    config_free(self.config);
     return code;
+}
+
+static int tell_bus_run(const char* path, const recording* self)
+{
+    const bus_run* bus = &self->bus;
+    if (bus->differs) {
+        tell_different(path, bus->differs_number, "of the roadside unit", bus->recorded,
+                       bus->replayed);
+        fprintf(stderr, "%s:file: planned by a roadside unit; expected %sno other vehicles on its"
+                        " bus, and an empty road before\n", path,
+                self->config != NULL ? "" : "its parameters in the scenario or in --config, ");
+        return 1;
+    }
+    tell_equal(path, bus->compared);
+    if (bus->ended) {
+        fprintf(stderr, "%s:file: the plans of cycle %d did not arrive, so those of later cycles"
+                        " cannot be compared\n", path, bus->gap_number);
+    }
+    return 0;
 }
 
 static bool read_head(recording* self, const char* path, json_file* line, const uint64_t* seed);
 static bool read_line(recording* self, const char* path, json_file* line);
+static bool open_bus_run(recording* self, const json_at* start, const uint64_t* seed);
 
 static bool read_recording(recording* self, const char* path, FILE* file, const uint64_t* seed)
 {
@@ -170,6 +211,11 @@ static bool read_recording(recording* self, const char* path, FILE* file, const 
         snprintf(name, sizeof name, "%s:%u", path, number);
         json_file line;
         good = json_file_parse(&line, name, text, (size_t)size);
+        if (!good && number > 1 && text[size - 1] != '\n') {
+            fprintf(stderr, "%s: cut off; the run goes up to there\n", name);
+            good = true;
+            break;
+        }
         if (good && number == 1) {
             headed = good = read_head(self, name, &line, seed);
         } else if (good) {
@@ -182,7 +228,8 @@ static bool read_recording(recording* self, const char* path, FILE* file, const 
     }
     free(text);
     if (good && self->count == 0) {
-        fprintf(stderr, "%s:file: holds no plan, expected a run of verge-sim --out\n", path);
+        fprintf(stderr, "%s:file: holds no plan, expected a run of verge-sim or verge-publish\n",
+                path);
         good = false;
     }
     if (!good && headed) {
@@ -198,7 +245,8 @@ static bool read_head(recording* self, const char* path, json_file* line, const 
     const json_at format = json_member(&root, "format");
     const json_at scene = json_member(&root, "scenario");
     if (strcmp(json_string(&root, "format"), "verge-run/1") != 0) {
-        return json_fail(&format, "is not \"verge-run/1\", expected a run of verge-sim --out");
+        return json_fail(&format, "is not \"verge-run/1\", expected a run of verge-sim or"
+                                  " verge-publish");
     }
     if (!json_given(&scene)) {
         return json_fail(&scene, "is missing, expected the scenario of the run");
@@ -212,7 +260,43 @@ static bool read_head(recording* self, const char* path, json_file* line, const 
         fputs(self->scene.file.error, stderr);
     }
     free(text);
-    return built;
+    const json_at start = json_member(&root, "start_utime");
+    return built && (!json_given(&start) || open_bus_run(self, &start, seed));
+}
+
+/// The planner of the daemon's configuration, or of the scenario.
+static bool open_bus_run(recording* self, const json_at* start, const uint64_t* seed)
+{
+    char      error[CONFIG_ERROR_SIZE];
+    cycle_def def = {
+        .planner = self->scene.planner,
+        .vehicles_max = self->scene.def.vehicles_max,
+        .controlled_max = self->scene.def.controlled_max,
+        .limits = inbox_default_limits(),
+    };
+    const int64_t start_utime = json_as_integer(start, 0, INT64_C(1) << 53);
+    if (start->file->error[0] != '\0') {
+        return false;
+    }
+    if (self->config_path != NULL) {
+        int code = config_load(&self->config, self->config_path, error);
+        if (code == 0) {
+            self->config->planner.seed = seed != NULL ? *seed : self->config->planner.seed;
+            code = config_planner_build(&self->planner, self->config, NULL, NULL, error);
+        }
+        if (code != 0) {
+            error[strcspn(error, "\n")] = '\0';
+            fprintf(stderr, "%s\n", error);
+            return false;
+        }
+        def = config_cycle_def(self->config, &self->planner);
+    }
+    const bool configured = self->config != NULL;
+    self->on_bus = bus_run_init(&self->bus, &self->scene, start_utime, &def,
+                                configured ? &self->config->planner : &self->scene.def,
+                                configured ? self->planner.memory : self->scene.arena,
+                                configured ? self->planner.size : self->scene.arena_size);
+    return self->on_bus || json_fail(start, "there is not enough memory");
 }
 
 static bool keep_digest(recording* self, uint64_t digest)
@@ -239,7 +323,8 @@ static bool read_line(recording* self, const char* path, json_file* line)
     const json_at metrics = json_member(&root, "metrics");
     self->complete = self->complete || json_given(&metrics);
     if (!json_given(&plan)) {
-        return true;
+        const json_at vehicles = json_member(&root, "vehicles");
+        return !self->on_bus || !json_given(&vehicles) || bus_run_tick(&self->bus, &root);
     }
     const char* text = json_string(&plan, "digest");
     char* end = NULL;
@@ -247,6 +332,9 @@ static bool read_line(recording* self, const char* path, json_file* line)
     if (strlen(text) != 16 || *end != '\0') {
         const json_at at = json_member(&plan, "digest");
         return json_fail(&at, "is no digest, expected 16 hex digits");
+    }
+    if (self->on_bus && !bus_run_plan(&self->bus, &root, digest)) {
+        return false;
     }
     return keep_digest(self, digest) || json_fail(&plan, "there is not enough memory");
 }

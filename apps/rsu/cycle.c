@@ -71,6 +71,9 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
     self->number = number;
     self->utime = utime;
     inbox_snapshot(&self->inbox, utime, &self->view);
+    if (self->view.count == 0) { // what comes from here on depends on nothing before
+        verge_planner_reset(self->def.planner);
+    }
     // The planner refuses a whole step for one vehicle it cannot use. The inbox lets none
     // through; this keeps the others safe should projection have made one of it.
     for (uint32_t i = self->view.count; i-- > 0;) {

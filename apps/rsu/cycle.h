@@ -8,6 +8,8 @@
 /// Time        No clock is read: messages carry their arrival, a cycle is told its instant. The
 ///             same messages and instants give the same plans, bit for bit; that is what a
 ///             recording holds, and why live daemon, replay and tests share this file.
+/// Empty road  A cycle that sees no vehicle resets the planner: plans depend on what was heard since
+///             then alone, so a recording that begins there can be planned again without the past.
 /// Memory      Everything is inside the struct (about 1 MiB: keep it static) and in the planner.
 /// Threads     cycle_plan() may run in another thread while cycle_offer() goes on: it touches the
 ///             planner, the job and the plan, and cycle_offer() touches the inbox alone.

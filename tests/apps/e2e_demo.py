@@ -75,6 +75,9 @@ def main():
             text, _ = demo(binaries, "--scenario", given, "--seconds", "3", cwd=cwd)
             lines_say_something_new(text)
             made = ends_with_the_result(text, name)
+            again = subprocess.run([os.path.join(binaries, "verge-replay"), made[2]], text=True,
+                                   capture_output=True, check=False)
+            assert again.returncode == 0, again
             for path in made:
                 os.unlink(path)
         text, _ = demo(binaries, "--scenario", "ramp-case3", "--seconds", "2", cwd=folder)

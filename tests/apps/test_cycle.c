@@ -239,6 +239,33 @@ static void test_after_a_step_back_of_the_clock_planning_starts_afresh(void** st
     unit_end(self);
 }
 
+static void test_after_an_empty_road_plans_are_those_of_a_unit_that_just_started(void** state)
+{
+    (void)state;
+    unit* old = unit_start();
+    unit* fresh = unit_start();
+    for (int k = 0; k < 6; k++) { // other vehicles in the past, all in the lane of the others
+        hear(old, 1, 0.5 * k, true);
+        hear(old, 2, 0.5 * k, false);
+        run_at(old, 0.5 * k + 0.1);
+    }
+    run_at(old, 10.0); // nobody is there any more
+    assert_int_equal(old->cycle.view.count, 0);
+    for (int k = 0; k < 6; k++) {
+        const double t = 20.0 + 0.5 * k;
+        for (int32_t id = 0; id < 3; id++) {
+            assert_true(hear(old, id, t, id != 2));
+            assert_true(hear(fresh, id, t, id != 2));
+        }
+        run_at(old, t + 0.1);
+        run_at(fresh, t + 0.1);
+        assert_int_equal(old->cycle.message_count, 2);
+        assert_true(old->cycle.plan.digest == fresh->cycle.plan.digest);
+    }
+    unit_end(old);
+    unit_end(fresh);
+}
+
 // ---- cancelled ------------------------------------------------------------------------------
 
 static void test_a_vehicle_that_falls_silent_is_cancelled_once(void** state)
@@ -769,6 +796,7 @@ int main(void)
         cmocka_unit_test(test_every_controlled_vehicle_gets_one_valid_plan_a_cycle),
         cmocka_unit_test(test_the_same_messages_and_instants_give_the_same_bytes),
         cmocka_unit_test(test_a_cycle_without_vehicles_says_nothing),
+        cmocka_unit_test(test_after_an_empty_road_plans_are_those_of_a_unit_that_just_started),
         cmocka_unit_test(test_after_a_step_back_of_the_clock_planning_starts_afresh),
         cmocka_unit_test(test_a_vehicle_that_falls_silent_is_cancelled_once),
         cmocka_unit_test(test_a_plan_lives_up_to_the_freshness_limit_and_not_beyond),

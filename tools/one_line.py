@@ -63,11 +63,12 @@ def two_files(about, names):
     """The two paths of a command line. --help and --version print and end the program."""
     program, given = pathlib.Path(sys.argv[0]).name, sys.argv[1:]
     if given == ["--version"]:
-        print(f"{program} {version()}")
+        print(f"{program} {version()}", flush=True)
         sys.exit(0)
     if given == ["--help"]:
         print(f"usage: {program} [options] {names}\n\n{about.strip()}\n\noptions:\n"
-              f"  {'--help':18} prints this and ends\n  {'--version':18} prints the version and ends")
+              f"  {'--help':18} prints this and ends\n  {'--version':18} prints the version and ends",
+              flush=True)
         sys.exit(0)
     if len(given) != 2 or any(word.startswith("--") for word in given):
         raise BadInput(f"{program}:arguments: expected {names}, see --help")
@@ -86,8 +87,13 @@ def told_in_one_line(work):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
-        print(f"{error.filename or pathlib.Path(sys.argv[0]).name}:file: {error.strerror}",
-              file=sys.stderr)
+        if error.filename is None:  # a stream
+            print(f"{pathlib.Path(sys.argv[0]).name}:standard output: cannot be written "
+                  f"({error.strerror}), expected a stream with room", file=sys.stderr)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        print(f"{error.filename}:file: cannot be written ({error.strerror}), expected a file in an "
+              "existing folder", file=sys.stderr)
     except KeyboardInterrupt:
         return 130
     return 2

@@ -7,12 +7,12 @@
 #include "common/data.h"
 #include "common/number.h"
 #include "common/options.h"
+#include "common/output.h"
 #include "common/scenario.h"
 #include "common/world.h"
 
 #include "base/random.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -132,11 +132,7 @@ static int print_document(bench_scene* self, const settings* with)
     bench_sampler(self, with);
     bench_cycles(with);
     printf("}\n");
-    if (fflush(stdout) != 0 || ferror(stdout)) {
-        fprintf(stderr, "verge-bench:standard output: %s\n", strerror(errno));
-        return 1;
-    }
-    return 0;
+    return output_flush("verge-bench") ? 0 : 1;
 }
 
 // The model's name, printable characters only.

@@ -1,6 +1,8 @@
 /// See options.h.
 #include "options.h"
 
+#include "output.h"
+
 #include "verge/verge.h"
 
 #include <errno.h>
@@ -37,7 +39,7 @@ bool options_parse(const program* self, int argc, char** argv, const char** argu
             } else {
                 printf("%s %s\n", self->name, VERGE_VERSION_STRING);
             }
-            *status = fflush(stdout) == 0 ? 0 : 1;
+            *status = output_flush(self->name) ? 0 : 1;
             return false;
         }
         const option_entry* option = find(self, text);

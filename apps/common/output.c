@@ -74,6 +74,16 @@ void output_abandon(output* out)
     guarded[0] = '\0';
 }
 
+bool output_flush(const char* program)
+{
+    const bool written = fflush(stdout) == 0 && !ferror(stdout);
+    if (!written) {
+        fprintf(stderr, "%s:standard output: cannot be written (%s), expected a stream with room\n",
+                program, strerror(errno));
+    }
+    return written;
+}
+
 void output_guard_signals(void)
 {
     const int signals[] = { SIGINT, SIGTERM, SIGHUP };

@@ -19,6 +19,8 @@ bool output_open(output* out, const char* path);
 bool output_close(output* out);
 /// Gives up: nothing is left of it. Does nothing where nothing is open.
 void output_abandon(output* out);
+/// Has all of standard output been written? Else one line on standard error says why not.
+bool output_flush(const char* program);
 /// SIGINT, SIGTERM and SIGHUP take the partial file away before they end the program. For
 /// programs that do not handle these signals themselves.
 void output_guard_signals(void);

@@ -1,9 +1,9 @@
 /// verge-plan: one planning cycle from a scenario's initial state, printed as the plan document.
 #include "common/options.h"
+#include "common/output.h"
 #include "common/plan_json.h"
 #include "common/world.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -64,9 +64,5 @@ static int run(const scenario* scene)
         return 1;
     }
     plan_write(stdout, &plan, scene->name, scene->def.point_s, PLAN_READABLE);
-    if (fflush(stdout) != 0 || ferror(stdout)) {
-        fprintf(stderr, "verge-plan:standard output: %s\n", strerror(errno));
-        return 1;
-    }
-    return 0;
+    return output_flush("verge-plan") ? 0 : 1;
 }

@@ -187,7 +187,7 @@ static int run(publisher* self, const arguments* args)
     }
     output_guard_signals();
     if (args->out != NULL && !output_open(&file, args->out)) {
-        fprintf(stderr, "%s:file: cannot be written (%s)\n", args->out, strerror(errno));
+        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", args->out, strerror(errno));
         transport_close(self->bus);
         return 2;
     }
@@ -197,7 +197,7 @@ static int run(publisher* self, const arguments* args)
     bool good = world_init(&self->world, self->scene) && metrics_init(&self->metrics, &self->world);
     good = good && publish(self, duration);
     if (good && args->out != NULL && !output_close(&file)) {
-        fprintf(stderr, "%s:file: cannot be written (%s)\n", args->out, strerror(errno));
+        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", args->out, strerror(errno));
         good = false;
     }
     good = good && print_metrics(self);
@@ -423,9 +423,5 @@ static bool print_metrics(publisher* self)
     fputs(",\n\"latency\":", stdout);
     latency_write(stdout, &self->latency);
     fputs("}\n", stdout);
-    if (fflush(stdout) != 0 || ferror(stdout)) {
-        fprintf(stderr, "verge-publish:standard output: %s\n", strerror(errno));
-        return false;
-    }
-    return true;
+    return output_flush("verge-publish");
 }

@@ -12,6 +12,7 @@
 #include "common/input.h"
 #include "common/number.h"
 #include "common/options.h"
+#include "common/output.h"
 #include "common/world.h"
 #include "rsu/replay.h"
 
@@ -24,6 +25,16 @@
 static int  replay_run_file(const char* path, FILE* file, const char* config_path,
                             const uint64_t* seed);
 static int  replay_log(const char* path, const char* config_path, const uint64_t* seed);
+
+/// Does the sync word of an LCM event stand in the first 64 KiB? A damaged log may begin otherwise.
+static bool is_log(FILE* file)
+{
+    static const unsigned char SYNC[] = { 0xed, 0xa1, 0xda, 0x01 };
+    static unsigned char bytes[1 << 16];
+    rewind(file);
+    const size_t size = fread(bytes, 1, sizeof bytes, file);
+    return memmem(bytes, size, SYNC, sizeof SYNC) != NULL;
+}
 
 int main(int argc, char** argv)
 {
@@ -67,11 +78,16 @@ int main(int argc, char** argv)
         }
         return 2;
     }
+    if (first != '{' && !is_log(file)) {
+        fprintf(stderr, "%s:file: is neither, expected a run file or an LCM event log\n", path);
+        fclose(file);
+        return 2;
+    }
     rewind(file);
     status = first == '{' ? replay_run_file(path, file, config_path, seed)
                           : replay_log(path, config_path, seed);
     fclose(file);
-    return fflush(stdout) == 0 ? status : 1;
+    return output_flush("verge-replay") ? status : 1;
 }
 
 static void tell_equal(const char* path, uint64_t cycles)
@@ -197,6 +213,7 @@ static int tell_bus_run(const char* path, const recording* self)
 
 static bool read_head(recording* self, const char* path, json_file* line, const uint64_t* seed);
 static bool read_line(recording* self, const char* path, json_file* line);
+static bool read_kind(recording* self, json_file* line, const uint64_t* seed);
 static bool open_bus_run(recording* self, const json_at* start, const uint64_t* seed);
 
 static bool read_recording(recording* self, const char* path, FILE* file, const uint64_t* seed)
@@ -217,7 +234,8 @@ static bool read_recording(recording* self, const char* path, FILE* file, const 
             break;
         }
         if (good && number == 1) {
-            headed = good = read_head(self, name, &line, seed);
+            headed = read_head(self, name, &line, seed);
+            good = headed && read_kind(self, &line, seed);
         } else if (good) {
             good = read_line(self, name, &line);
         }
@@ -260,8 +278,22 @@ static bool read_head(recording* self, const char* path, json_file* line, const 
         fputs(self->scene.file.error, stderr);
     }
     free(text);
+    return built;
+}
+
+/// A run of verge-publish tells when it began.
+static bool read_kind(recording* self, json_file* line, const uint64_t* seed)
+{
+    const json_at root = json_root(line);
     const json_at start = json_member(&root, "start_utime");
-    return built && (!json_given(&start) || open_bus_run(self, &start, seed));
+    if (json_given(&start)) {
+        return open_bus_run(self, &start, seed);
+    }
+    if (self->config_path != NULL) {
+        fprintf(stderr, "verge-replay:--config: given for a run of verge-sim, expected a log or a run"
+                        " of verge-publish\n");
+    }
+    return self->config_path == NULL;
 }
 
 /// The planner of the daemon's configuration, or of the scenario.

@@ -75,7 +75,7 @@ static int run(const scenario* scene, const char* path, bool timing)
     self = (simulation){ .scene = scene, .timing = timing };
     output_guard_signals();
     if (path != NULL && !output_open(&file, path)) {
-        fprintf(stderr, "%s:file: cannot be written (%s)\n", path, strerror(errno));
+        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", path, strerror(errno));
         return 2;
     }
     self.run = file.stream;
@@ -85,7 +85,7 @@ static int run(const scenario* scene, const char* path, bool timing)
     }
     good = good && simulate(&self);
     if (good && path != NULL && !output_close(&file)) {
-        fprintf(stderr, "%s:file: cannot be written (%s)\n", path, strerror(errno));
+        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", path, strerror(errno));
         good = false;
     }
     good = good && metrics_print(&self);
@@ -172,9 +172,5 @@ static bool metrics_print(const simulation* self)
     fputs(",\n\"metrics\":", stdout);
     metrics_write(stdout, &self->metrics, self->timing, "\n");
     fputs("}\n", stdout);
-    if (fflush(stdout) != 0 || ferror(stdout)) {
-        fprintf(stderr, "verge-sim:standard output: %s\n", strerror(errno));
-        return false;
-    }
-    return true;
+    return output_flush("verge-sim");
 }

@@ -143,6 +143,28 @@ def check_replay(program, path, folder, seed):
     assert other == run(program, path, f"--seed={differs}", status=1)
     run(program, path, "--seed", "-1", status=2)
     run(program, os.path.join(folder, "none.jsonl"), status=2)
+    run(program, path, "--config", path, status=2)  # a run of verge-sim has its own
+    run(program, __file__, status=2)  # neither a run nor a log
+    with open(path, encoding="utf-8") as file:
+        text = file.read()
+    cut = os.path.join(folder, "cut.jsonl")
+    with open(cut, "w", encoding="utf-8") as file:
+        file.write(text[:len(text) // 2])
+    assert re.search(r"[1-9]\d* cycles, every digest", run(program, cut)), "up to where it was cut"
+    os.unlink(cut)
+
+
+def check_standard_output(folder, commands):
+    """Where it cannot be written: status 1 and a line that says so."""
+    for command in commands:
+        for output in ("/dev/full", None):
+            with open(output or os.devnull, "wb") as out:
+                done = subprocess.run(
+                    command, stdout=out, stderr=subprocess.PIPE, text=True, check=False,
+                    cwd=folder, preexec_fn=None if output else lambda: os.close(1))
+            assert done.returncode == 1 and re.fullmatch(
+                r"verge-\w+:standard output: cannot be written \(.*\), expected .*\n",
+                done.stderr), f"{command}: {done.returncode} {done.stderr!r}"
 
 
 def untimed(document):
@@ -200,6 +222,12 @@ def main():
         check_replay(os.path.join(options.bin, "verge-replay"), runs[0], folder,
                      scenario["planner"].get("seed", 1))
         check_bench(os.path.join(options.bin, "verge-bench"))
+        scene = os.path.abspath(path)
+        programs = [os.path.abspath(os.path.join(options.bin, f"verge-{name}"))
+                    for name in ("plan", "sim", "replay", "bench", "publish", "experiment")]
+        check_standard_output(folder, [[programs[0], scene], [programs[1], scene],
+                                       [programs[2], runs[0]], [programs[3], "--quick"]] +
+                              [[p, o] for p in programs for o in ("--help", "--version")])
         timed = json.loads(run(sim_program, path))["metrics"]
         assert set(timed.pop("cycle_ms")) == {"p50", "p99", "max"} and timed == printed
         assert run(plan_program, path, "--seed", "99") == run(plan_program, path, "--seed=99")

@@ -1,6 +1,8 @@
 /// See road_json.h.
 #include "road_json.h"
 
+#include "verge/limits.h"
+
 #include <stdlib.h>
 
 static bool lane_from_json(const json_at* at, verge_lane_def* lane);
@@ -9,9 +11,6 @@ static void stretches_from_json(const json_at* lane, const char* key, bool* give
                                 verge_stretch* stretches, uint32_t* count);
 static int32_t lane_id_from_json(const json_at* lane, const char* key);
 static void report_fault(const json_at* lanes, const verge_road_fault* fault);
-
-/// Coordinates beyond this are degrees, millimetres or a mistake, not metres on a local map. [m]
-static const double COORDINATE_MAX = 1e7;
 
 bool road_from_json(const json_at* at, verge_road_def* def)
 {
@@ -105,8 +104,8 @@ static bool centerline_from_json(const json_at* at, verge_lane_def* lane)
         }
         const json_at x = json_element(&point, node->child, 0);
         const json_at y = json_element(&point, node->child->next, 1);
-        points[i][0] = json_as_double(&x, -COORDINATE_MAX, COORDINATE_MAX);
-        points[i][1] = json_as_double(&y, -COORDINATE_MAX, COORDINATE_MAX);
+        points[i][0] = json_as_double(&x, -VERGE_LIMIT_POSITION, VERGE_LIMIT_POSITION);
+        points[i][1] = json_as_double(&y, -VERGE_LIMIT_POSITION, VERGE_LIMIT_POSITION);
     }
     return at->file->error[0] == '\0';
 }

@@ -5,6 +5,8 @@
 #include "planner_json.h"
 #include "road_json.h"
 
+#include "verge/limits.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,13 +26,8 @@ static double wrap_angle(double angle);
 static const double PI = 3.14159265358979323846;
 /// Instants closer than this are the same. [s]
 static const double INSTANT = 1e-6;
-/// Positions, speeds and accelerations beyond these are mistakes of units.
-static const double POSITION_MAX = 1e7;     // [m]
-static const double SPEED_MAX = 70.0;       // [m/s]
-static const double ACCELERATION_MAX = 15.0; // [m/s^2]
-/// A heading that changes faster is a step between two rows, not a turn; the planner would refuse
-/// the state. [rad/s]
-static const double YAW_RATE_MAX = 5.0;
+/// A step of a recorded speed beyond this is noise of the measurement. [m/s^2]
+static const double RECORDED_ACCELERATION_MAX = 15.0;
 
 bool scenario_load(scenario* scene, const char* path, const uint64_t* seed)
 {
@@ -79,9 +76,10 @@ bool scenario_track_at(const scenario_vehicle* vehicle, double t, verge_vehicle*
     state->heading = wrap_angle(from->heading + share * turn);
     state->speed = from->speed + share * (to->speed - from->speed);
     if (step > 0.0) {
-        state->acceleration = fmin(fmax((to->speed - from->speed) / step, -ACCELERATION_MAX),
-                                   ACCELERATION_MAX);
-        if (fabs(turn) <= YAW_RATE_MAX * step) {
+        state->acceleration = fmin(fmax((to->speed - from->speed) / step,
+                                        -RECORDED_ACCELERATION_MAX), RECORDED_ACCELERATION_MAX);
+        // A heading that changes faster is a step between two rows, not a turn.
+        if (fabs(turn) <= VERGE_LIMIT_YAW_RATE * step) {
             state->yaw_rate = turn / step;
         }
     }
@@ -190,6 +188,13 @@ static bool vehicles_from_json(const json_at* at, scenario* scene)
     return true;
 }
 
+/// A member in the range that every vehicle has to keep.
+static double quantity_from_json(const json_at* at, const char* name)
+{
+    const verge_vehicle_limit* limit = verge_vehicle_limit_of(name);
+    return json_double(at, name, limit->min, limit->max);
+}
+
 static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehicle* vehicle)
 {
     static const char* const keys[] = { "id", "control", "x", "y", "heading", "speed",
@@ -203,13 +208,13 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
     *start = verge_vehicle_default();
     start->id = (int32_t)json_integer(at, "id", 0, INT32_MAX);
     start->controlled = json_choice(at, "control", controls) == 1;
-    start->x = json_double(at, "x", -POSITION_MAX, POSITION_MAX);
-    start->y = json_double(at, "y", -POSITION_MAX, POSITION_MAX);
-    start->heading = wrap_angle(json_double(at, "heading", -2.0 * PI, 2.0 * PI));
-    start->speed = json_double(at, "speed", 0.0, SPEED_MAX);
-    start->acceleration = json_double(at, "acceleration", -ACCELERATION_MAX, ACCELERATION_MAX);
-    start->length = json_double(at, "length", 0.5, 30.0);
-    start->width = json_double(at, "width", 0.3, 4.0);
+    start->x = quantity_from_json(at, "x");
+    start->y = quantity_from_json(at, "y");
+    start->heading = wrap_angle(quantity_from_json(at, "heading"));
+    start->speed = quantity_from_json(at, "speed");
+    start->acceleration = quantity_from_json(at, "acceleration");
+    start->length = quantity_from_json(at, "length");
+    start->width = quantity_from_json(at, "width");
 
     const json_at target = json_member(at, "target_lane");
     if (!json_none(&target)) {
@@ -266,7 +271,8 @@ static void row_from_json(const json_at* at, scenario_row* row)
     if (at->file->error[0] != '\0') {
         return;
     }
-    const double limits[5] = { 1e6, POSITION_MAX, POSITION_MAX, 2.0 * PI, SPEED_MAX };
+    const double limits[5] = { 1e6, VERGE_LIMIT_POSITION, VERGE_LIMIT_POSITION, VERGE_LIMIT_HEADING,
+                               VERGE_LIMIT_SPEED };
     double       values[5];
     const cJSON* node = at->node->child;
     for (uint32_t i = 0; i < 5; i++, node = node->next) {

@@ -210,7 +210,7 @@ typedef void spoil(verge_vehicle* vehicle);
     }
 SPOIL(id_negative, vehicle->id = -1)
 SPOIL(x_nan, vehicle->x = NAN)
-SPOIL(x_far, vehicle->x = 1.1e6)
+SPOIL(x_far, vehicle->x = 1.1e7)
 SPOIL(y_infinite, vehicle->y = -INFINITY)
 SPOIL(heading_nan, vehicle->heading = NAN)
 SPOIL(heading_large, vehicle->heading = 7.0)
@@ -278,6 +278,51 @@ static void a_vehicle_with_one_bad_field_is_refused_and_the_plan_unchanged(void*
     vehicles[1].y = 300.0;
     assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]), VERGE_ERR_OFF_ROAD);
     free(on.memory);
+}
+
+static void far_from_the_origin_the_same_plan_is_made(void** state)
+{
+    (void)state;
+    static const double shifts[][2] = { { 9.9e6, -9.9e6 }, { -5.3e5, 5.8e6 } }; // and a UTM zone's
+    static verge_plan near;
+    road under;
+    verge_vehicle vehicles[3] = { vehicle_at(1, true, 0, 100.0, 9.0, 1),
+                                  vehicle_at(2, true, 1, 130.0, 9.0, -1),
+                                  vehicle_at(3, false, 2, 100.0, 9.0, -1) };
+    verge_planner_def def = def_on(&under);
+    built on = build(&def);
+    must_step(on.planner, 1, vehicles, 3);
+    near = plan;
+    free(on.memory);
+    for (size_t k = 0; k < sizeof shifts / sizeof shifts[0]; ++k) {
+        const double dx = shifts[k][0], dy = shifts[k][1];
+        verge_vehicle moved[3];
+        def = def_on(&under);
+        for (int i = 0; i < lane_total; ++i) {
+            for (int end = 0; end < 2; ++end) {
+                under.points[i][end][0] += dx;
+                under.points[i][end][1] += dy;
+            }
+        }
+        for (int i = 0; i < 3; ++i) {
+            moved[i] = vehicles[i];
+            moved[i].x += dx;
+            moved[i].y += dy;
+        }
+        on = build(&def);
+        must_step(on.planner, 1, moved, 3);
+        free(on.memory);
+        assert_int_equal(plan.vehicle_count, near.vehicle_count);
+        for (uint32_t i = 0; i < near.vehicle_count; ++i) {
+            const verge_vehicle_plan *a = &plan.vehicles[i], *b = &near.vehicles[i];
+            assert_int_equal(a->status, b->status);
+            assert_int_equal(a->point_count, b->point_count);
+            for (uint32_t p = 0; p < b->point_count; ++p) {
+                CHECK_NEAR(a->points[p].x - dx, b->points[p].x, 1e-3);
+                CHECK_NEAR(a->points[p].y - dy, b->points[p].y, 1e-3);
+            }
+        }
+    }
 }
 
 static void what_a_human_does_not_need_is_not_asked_of_it(void** state)
@@ -735,6 +780,7 @@ int main(void)
         cmocka_unit_test(the_budget_adds_up),
         cmocka_unit_test(a_bad_def_or_road_is_refused_and_needs_no_memory),
         cmocka_unit_test(a_vehicle_with_one_bad_field_is_refused_and_the_plan_unchanged),
+        cmocka_unit_test(far_from_the_origin_the_same_plan_is_made),
         cmocka_unit_test(what_a_human_does_not_need_is_not_asked_of_it),
         cmocka_unit_test(duplicates_and_crowds_are_refused),
         cmocka_unit_test(every_controlled_vehicle_is_planned_and_every_other_one_predicted),

@@ -4,6 +4,7 @@
 #include "check.h"
 #include "codec.h"
 #include "rng.h"
+#include "verge/limits.h"
 #include "verge/message.h"
 #include "verge/wire.h"
 
@@ -285,12 +286,12 @@ static const field state_fields[] = {
     FIELD(utime, I64, 1, INFINITY, false),
     FIELD(vehicle_id, I32, 0, INFINITY, false),
     FIELD(controlled, I16, 0, 1, false),
-    FIELD(x, F64, -1e6, 1e6, false),
-    FIELD(y, F64, -1e6, 1e6, false),
+    FIELD(x, F64, -1e7, 1e7, false),
+    FIELD(y, F64, -1e7, 1e7, false),
     FIELD(heading, F32, -3.1415927, 3.1415927, false),
-    FIELD(speed, F32, 0, 60, false),
-    FIELD(acceleration, F32, -20, 20, false),
-    FIELD(yaw_rate, F32, -3, 3, true),
+    FIELD(speed, F32, 0, 70, false),
+    FIELD(acceleration, F32, -30, 30, false),
+    FIELD(yaw_rate, F32, -5, 5, true),
     FIELD(length, F32, 0.5, 30, false),
     FIELD(width, F32, 0.3, 4, false),
     FIELD(position_sigma, F32, -1e9, 100, true),
@@ -334,7 +335,7 @@ static void test_every_field_of_a_state_is_held_to_its_range(void** state)
         assert_null(fault_with(f, f->min));
         if (!any_below) {
             assert_string_equal(fault_with(f, f->min - step), f->name);
-            assert_string_equal(fault_with(f, -30000.0 - (real ? 1e7 : 0.0)), f->name);
+            assert_string_equal(fault_with(f, -30000.0 - (real ? 1e8 : 0.0)), f->name);
         }
         if (!isinf(f->max)) {
             assert_null(fault_with(f, f->max));
@@ -350,6 +351,32 @@ static void test_every_field_of_a_state_is_held_to_its_range(void** state)
             }
         }
     }
+}
+
+static void test_the_quantities_of_a_message_have_the_ranges_of_a_vehicle(void** state)
+{
+    (void)state;
+    static const transport_kind kinds[] = { TRANSPORT_STATE, TRANSPORT_PLAN };
+    uint32_t found = 0;
+    for (size_t k = 0; k < 2; ++k) {
+        const message_struct* of = message_of(kinds[k]);
+        if (kinds[k] == TRANSPORT_PLAN) { // the last array: points
+            for (uint32_t i = 0; i < message_of(kinds[k])->field_count; ++i) {
+                of = message_of(kinds[k])->fields[i].part != NULL
+                         ? message_of(kinds[k])->fields[i].part : of;
+            }
+        }
+        for (uint32_t i = 0; i < of->field_count; ++i) {
+            const verge_vehicle_limit* limit = verge_vehicle_limit_of(of->fields[i].name);
+            if (limit != NULL && strcmp(limit->name, "heading") != 0) { // wrapped on the wire
+                CHECK_NEAR(of->fields[i].min, limit->min, 0.0);
+                CHECK_NEAR(of->fields[i].max, limit->max, 0.0);
+                assert_int_equal(of->fields[i].unknown != MESSAGE_KNOWN, limit->or_nan);
+                ++found;
+            }
+        }
+    }
+    assert_int_equal(found, 7 + 4);
 }
 
 #define CHECK_PLAN_FAULT(assignment, name)               \
@@ -390,10 +417,10 @@ static void test_every_field_of_a_plan_is_held_to_its_range(void** state)
     CHECK_PLAN_FAULT(actions[9].t1_ms = plan.actions[9].t0_ms - 1, "actions.t1_ms");
     CHECK_PLAN_FAULT(actions[9].speed = NAN, "actions.speed");
     CHECK_PLAN_FAULT(points[30].x = NAN, "points.x");
-    CHECK_PLAN_FAULT(points[30].y = 1.1e6, "points.y");
+    CHECK_PLAN_FAULT(points[30].y = 1.1e7, "points.y");
     CHECK_PLAN_FAULT(points[30].heading = 3.15f, "points.heading");
     CHECK_PLAN_FAULT(points[30].speed = -0.1f, "points.speed");
-    CHECK_PLAN_FAULT(points[30].acceleration = 20.1f, "points.acceleration");
+    CHECK_PLAN_FAULT(points[30].acceleration = 30.1f, "points.acceleration");
     CHECK_PLAN_FAULT(points[30].curvature = INFINITY, "points.curvature");
 }
 
@@ -597,6 +624,7 @@ int main(void)
         cmocka_unit_test(test_the_checksum_of_the_fields_is_that_of_the_bytes),
         cmocka_unit_test(test_any_flipped_bit_and_any_other_length_is_refused),
         cmocka_unit_test(test_every_field_of_a_state_is_held_to_its_range),
+        cmocka_unit_test(test_the_quantities_of_a_message_have_the_ranges_of_a_vehicle),
         cmocka_unit_test(test_every_field_of_a_plan_is_held_to_its_range),
         cmocka_unit_test(test_a_vehicle_survives_the_way_there_and_back),
         cmocka_unit_test(test_an_unknown_cooperation_is_the_habits),

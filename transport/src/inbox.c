@@ -1,5 +1,7 @@
 #include "verge/inbox.h"
 
+#include "verge/limits.h"
+
 #include "base/scalar.h" // core's sine and cosine: a replay gives the same bits on every machine
 
 #include <assert.h>
@@ -188,8 +190,8 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view)
         verge_vehicle vehicle = wire_vehicle_from_state(&slot->state);
         inbox_project(&vehicle, age / 1000.0);
         // The planner refuses a whole step for one vehicle beyond the range of the wire.
-        vehicle.x = vg_clamp(vehicle.x, -WIRE_POSITION_MAX, WIRE_POSITION_MAX);
-        vehicle.y = vg_clamp(vehicle.y, -WIRE_POSITION_MAX, WIRE_POSITION_MAX);
+        vehicle.x = vg_clamp(vehicle.x, -VERGE_LIMIT_POSITION, VERGE_LIMIT_POSITION);
+        vehicle.y = vg_clamp(vehicle.y, -VERGE_LIMIT_POSITION, VERGE_LIMIT_POSITION);
         vehicle.controlled = chosen[i];
         vehicle.margin = age <= self->limits.fresh_ms      ? 0.0
                          : age <= self->limits.obstacle_ms ? self->limits.obstacle_margin_m

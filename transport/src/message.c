@@ -2,6 +2,7 @@
 #include "verge/message.h"
 
 #include "crc32.h"
+#include "verge/limits.h"
 
 #include <assert.h>
 #include <float.h>

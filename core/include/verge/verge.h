@@ -11,6 +11,7 @@
 #include "verge/config.h"
 #include "verge/body.h"
 #include "verge/types.h"
+#include "verge/limits.h"
 #include "verge/road.h"
 #include "verge/def.h"
 #include "verge/scene.h"

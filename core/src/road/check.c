@@ -3,6 +3,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "verge/limits.h"
 
 /// A road under check.
 typedef struct checked {
@@ -26,7 +27,7 @@ static const verge_lane_def* find(const checked* road, int32_t id);
 #define TEXT_OF(number) TEXT_OF_EXPANDED(number)
 #define TEXT_OF_EXPANDED(number) #number
 /// Coordinates beyond this lose the last millimetres of a double's precision in squares. [m]
-static const double coordinate_max = 1e7;
+static const double coordinate_max = VERGE_LIMIT_POSITION;
 /// Directions are taken between points at least so far apart: nearer ones tell more of the
 /// survey's noise, a decimetre or two, than of the road. [m]
 static const double direction_length = 0.5;

@@ -1,16 +1,12 @@
 /// Vehicles on the road: checked, ordered by id, each on the lane it drives along.
 #include "verge/scene.h"
 
+#include "verge/limits.h"
+
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "geometry/rectangle.h"
 #include "road/road.h"
-
-// Input limits: what no road vehicle does is a fault of the message, not of the road.
-static const double coordinate_max = 1e6; // [m]
-static const double speed_max = 70.0;     // [m/s]
-static const double acceleration_max = 30.0;
-static const double yaw_rate_max = 5.0;
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v);
 static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count);
@@ -66,11 +62,6 @@ verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicl
     return at.lane_id == VERGE_NO_LANE ? VERGE_ERR_OFF_ROAD : VERGE_OK;
 }
 
-static bool within(double x, double bound)
-{
-    return vg_finite(x) && x >= -bound && x <= bound;
-}
-
 static bool habit_holds(const verge_habit* habit)
 {
     const verge_weights* w = &habit->weights;
@@ -96,14 +87,9 @@ static bool body_holds(const verge_vehicle* v)
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v)
 {
-    const bool motion = within(v->x, coordinate_max) && within(v->y, coordinate_max)
-                        && within(v->heading, 2.0 * VG_PI) && v->speed >= 0.0
-                        && within(v->speed, speed_max) && within(v->acceleration, acceleration_max)
-                        && (v->yaw_rate != v->yaw_rate || within(v->yaw_rate, yaw_rate_max));
-    const bool body = v->length >= 0.5 && v->length <= 30.0 && v->width >= 0.3 && v->width <= 4.0
-                      && v->margin >= 0.0 && v->margin <= 100.0 && body_holds(v);
     const bool wish = v->target_lane == VERGE_NO_LANE || vg_road_lane_index(road, v->target_lane) >= 0;
-    return v->id >= 0 && motion && body && wish && (!v->controlled || habit_holds(&v->habit));
+    return v->id >= 0 && verge_vehicle_check(v, NULL) && body_holds(v) && wish
+           && (!v->controlled || habit_holds(&v->habit));
 }
 
 // Copies the vehicles in the order of their ids, by insertion: few, and often sorted already.

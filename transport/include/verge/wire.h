@@ -15,9 +15,6 @@ extern "C" {
 
 enum { WIRE_ACTIONS_MAX = 10, WIRE_POINTS_MAX = 31 };
 
-/// [m] Where a double still resolves a nanometre; no map is larger.
-#define WIRE_POSITION_MAX 1e6
-
 /// Null: every field of a state is in the range that verge.lcm gives it. Otherwise the name of the
 /// first field that is not (static lifetime). Infinite is always refused.
 const char* wire_state_check(const verge_vehicle_state_t* state);

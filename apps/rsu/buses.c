@@ -4,15 +4,15 @@
 
 static const int64_t DAY_US = 86400 * INT64_C(1000000);
 
-/// As read now: that is what the bus has let us in with, whatever comes under these names later.
-static void note_expiry(buses* self, const char* url, const transport_options* options)
+/// The bus works with the files as they are read now, whatever replaces them later.
+static void find_expiry(buses* self, const char* url, const transport_options* options)
 {
     int64_t expiry = 0;
     char    words[CONFIG_ERROR_SIZE];
     if (transport_expires(url, options, &expiry, words, sizeof words) &&
         (self->expiry == 0 || expiry < self->expiry)) {
         self->expiry = expiry;
-        memcpy(self->expiry_words, words, sizeof words);
+        memcpy(self->expiry_text, words, sizeof words);
     }
 }
 
@@ -30,7 +30,7 @@ int buses_open(buses* self, const config* config, void (*log)(void* context, con
             return result;
         }
         self->count++;
-        note_expiry(self, config->bus[i], &options);
+        find_expiry(self, config->bus[i], &options);
     }
     return TRANSPORT_OK;
 }
@@ -98,11 +98,11 @@ transport_stats buses_statistics(const buses* self)
     return sum;
 }
 
-uint64_t buses_trouble(buses* self, uint32_t bus)
+uint64_t buses_new_errors(buses* self, uint32_t bus)
 {
     const uint64_t errors = transport_statistics(self->bus[bus]).errors;
-    const bool     fresh = errors > self->errors_told[bus];
-    self->errors_told[bus] = errors;
+    const bool     fresh = errors > self->errors_logged[bus];
+    self->errors_logged[bus] = errors;
     return fresh ? errors : 0;
 }
 
@@ -114,11 +114,11 @@ int64_t buses_days_left(int64_t expiry, int64_t utime)
 
 bool buses_expiring(buses* self, int64_t utime)
 {
-    const bool lately = self->expiry_told != 0 && utime >= self->expiry_told &&
-                        utime < self->expiry_told + DAY_US;
+    const bool lately = self->expiry_logged != 0 && utime >= self->expiry_logged &&
+                        utime < self->expiry_logged + DAY_US;
     if (self->expiry == 0 || lately || buses_days_left(self->expiry, utime) >= BUSES_EXPIRY_DAYS) {
         return false;
     }
-    self->expiry_told = utime;
+    self->expiry_logged = utime;
     return true;
 }

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/// Room for the names of the freshness limits.
+/// More than there are freshness limits.
 enum { FRESHNESS_KEYS_MAX = 16 };
 
 static int  read_document(config* self, const json_at* root);
@@ -179,7 +179,7 @@ static bool take_road(config* self, const json_at* at)
     return true;
 }
 
-/// From a file of its own: a scenario or {"road": {...}}, or the road itself.
+/// Reads the road from its own file: a scenario or {"road": {...}}, or the road itself.
 static int read_road_file(config* self, const json_at* at)
 {
     self->road_file = json_path(at);
@@ -222,9 +222,9 @@ static int read_road(config* self, const json_at* root)
     return read_road_file(self, &road_file);
 }
 
-// ---- what is in force ---------------------------------------------------------------------
+// ---- checksums and printing ---------------------------------------------------------------
 
-/// The checksums by which operators tell configurations apart.
+/// The checksums identify a road and a configuration to operators.
 static bool sum_up(config* self)
 {
     if (self->road_text == NULL) {
@@ -321,13 +321,13 @@ int config_planner_build(config_planner* built, const config* self, verge_execut
         snprintf(error, CONFIG_ERROR_SIZE, "planner: the planner refuses these parameters");
         return EXIT_CONFIG;
     }
-    const size_t rounded = (size + 63) / 64 * 64; // aligned_alloc() asks for whole alignments
+    const size_t rounded = (size + 63) / 64 * 64; // aligned_alloc() needs a multiple
     built->memory = aligned_alloc(64, rounded);
     if (built->memory == NULL) {
         snprintf(error, CONFIG_ERROR_SIZE, "planner: the system refused %zu bytes", rounded);
         return EXIT_OS;
     }
-    memset(built->memory, 0, rounded); // every page is ours before the first cycle
+    memset(built->memory, 0, rounded); // touches every page before the first cycle
     built->size = rounded;
     const verge_status status = verge_planner_init(&built->planner, &def, built->memory, rounded);
     if (status != VERGE_OK) {

@@ -1,4 +1,4 @@
-/// The daemon's configuration file, checked as a whole before anything of it is used.
+/// The daemon's configuration file. It is checked as a whole before any of it is used.
 ///
 ///     { "format": "verge-rsu/1", "rsu_id": 1, "bus": "lcm:udpm://239.255.76.67:7667?ttl=0",
 ///       "road_file": "ramp-case1.json", "cycle_ms": 500, "planner": {}, "freshness": {} }
@@ -9,7 +9,7 @@
 /// | `rsu_id`    | 1    | 0 .. 2^31 - 1      | 1        | sender of plans and status            |
 /// | `bus`       |      | bus URLs           | required | where states come from and plans go:  |
 /// |             |      |                    |          | one, or a list of up to four          |
-/// | `dds`, `lcm`|     | see bus_json.h     | `{}`     | what buses need beyond their URLs     |
+/// | `dds`, `lcm`|     | see bus_json.h     | `{}`     | options of buses beyond their URLs    |
 /// | `road`      |      | a road             |          | the lanes, as in a scenario           |
 /// | `road_file` |      | path               |          | the same from a file: a road, or a    |
 /// |             |      |                    |          | scenario whose `road` is taken;       |
@@ -17,7 +17,7 @@
 /// | `cycle_ms`  | ms   | 10 .. 5000         | 500      | time between plans                    |
 /// | `planner`   |      | see planner.h      | defaults | any planner parameter by its name     |
 /// | `freshness` |      | see inbox.h        | defaults | limits on the age of states           |
-/// | `control`   |      | path or null       | null     | the socket verge-ctl speaks to        |
+/// | `control`   |      | path or null       | null     | the socket for verge-ctl              |
 /// | `metrics.`  |      | loopback address:  | null     | figures for Prometheus by HTTP, GET   |
 /// | `listen`    |      | port, or null      |          | /metrics                              |
 /// | `metrics.`  |      | path or null       | null     | the same as a file, replaced each     |
@@ -28,8 +28,8 @@
 /// | `lock_memory`|     |                    |          | out, or in after READY                |
 /// | `realtime.` |      | list of 0 .. 1023  | all      | processors the planning thread and    |
 /// | `cpus`      |      |                    |          | its helpers may run on                |
-/// | `log_format`|      | `text`, `json`     | `text`   | how the log's lines are written, see  |
-/// |             |      |                    |          | log.h; `--log-format` goes before it  |
+/// | `log_format`|      | `text`, `json`     | `text`   | format of the log's lines, see log.h; |
+/// |             |      |                    |          | `--log-format` overrides it           |
 ///
 /// One of `road` and `road_file` is required. Unknown keys are errors. `control`, `metrics` and
 /// `realtime` are fixed at the start, and so is the planner's memory: a reload that changes one of
@@ -60,9 +60,9 @@ enum {
     EXIT_USAGE = 64,       ///< wrong options
     EXIT_NO_INPUT = 66,    ///< a named file cannot be read
     EXIT_UNAVAILABLE = 69, ///< no bus
-    EXIT_SOFTWARE = 70,    ///< a defect of ours
+    EXIT_SOFTWARE = 70,    ///< an internal error
     EXIT_OS = 71,          ///< the system refused memory, a thread or a descriptor
-    EXIT_CONFIG = 78,      ///< the configuration is not usable
+    EXIT_CONFIG = 78,      ///< the configuration is wrong
 };
 
 typedef struct config {
@@ -74,7 +74,7 @@ typedef struct config {
     verge_planner_def planner;  ///< road included; the road's memory belongs to the config
     inbox_limits freshness;
     service  service;
-    uint32_t map_crc32;         ///< of the road as read, whitespace apart
+    uint32_t map_crc32;         ///< of the road as read, without whitespace
     uint32_t config_crc32;      ///< of what config_print() prints
     char*    road_file;         ///< the path as resolved; null: the road was written inline
     char*    road_text;         ///< the road as JSON on one line
@@ -85,10 +85,10 @@ typedef struct config {
 int  config_load(config** loaded, const char* path, char error[CONFIG_ERROR_SIZE]);
 void config_free(config* self); ///< null is fine
 
-/// The configuration in force as JSON, every planner parameter written out. It can be read again.
+/// The configuration as JSON, with every planner parameter. It can be read again.
 void config_print(const config* self, FILE* out);
 
-/// The URLs with commas between them; cut to size.
+/// The URLs with commas between them, cut to size.
 void config_bus_list(const config* self, char* text, size_t size);
 /// Do both name the same buses and the same options for them?
 bool config_same_buses(const config* self, const config* other);
@@ -100,7 +100,7 @@ typedef struct config_planner {
     size_t         size;
 } config_planner;
 
-/// The memory a planner needs, term by term, for people.
+/// Prints the memory a planner needs, term by term.
 void config_print_memory(const config* self, FILE* out);
 
 /// Returns 0, EXIT_CONFIG or EXIT_OS with a line in error. executor may be null.
@@ -108,8 +108,9 @@ int  config_planner_build(config_planner* built, const config* self, verge_execu
                           void* executor_context, char error[CONFIG_ERROR_SIZE]);
 void config_planner_free(config_planner* built);
 
-/// May the next configuration take force without a restart? Memory is settled at the start, and so
-/// is what service_changed() names. False: one line in error, with the remedy.
+/// Can the next configuration take effect without a restart? The planner's memory is fixed at the
+/// start, and so are the members that service_changed() names. False: one line in error, with the
+/// remedy.
 bool config_may_follow(const config* self, const config* next, char error[CONFIG_ERROR_SIZE]);
 
 /// What a cycle needs of a configuration and its planner.

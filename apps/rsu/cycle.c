@@ -22,7 +22,7 @@ void cycle_swap(cycle* self, const cycle_def* def)
 {
     const bool smaller = def->vehicles_max < self->def.vehicles_max;
     self->def = *def;
-    if (smaller) { // the slots in use may be more than there is room for now
+    if (smaller) { // more slots may be in use than there are now
         forget_states(self);
     }
     inbox_set_limits(&self->inbox, &def->limits);
@@ -31,7 +31,7 @@ void cycle_swap(cycle* self, const cycle_def* def)
     inbox_review(&self->inbox, verge_planner_road(def->planner));
 }
 
-/// Everyone is heard anew; what was counted stays counted.
+/// Empties the inbox; its counters are kept.
 static void forget_states(cycle* self)
 {
     const cycle_def* def = &self->def;
@@ -61,7 +61,7 @@ void cycle_run(cycle* self, int64_t number, int64_t utime)
 // ---- begin --------------------------------------------------------------------------------
 
 static void start_afresh(cycle* self);
-static void leave_out(inbox_view* view, uint32_t index);
+static void remove_vehicle(inbox_view* view, uint32_t index);
 
 void cycle_begin(cycle* self, int64_t number, int64_t utime)
 {
@@ -71,31 +71,31 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
     self->number = number;
     self->utime = utime;
     inbox_snapshot(&self->inbox, utime, &self->view);
-    if (self->view.count == 0) { // what comes from here on depends on nothing before
+    if (self->view.count == 0) { // later plans do not depend on anything before
         verge_planner_reset(self->def.planner);
     }
-    // The planner refuses a whole step for one vehicle it cannot use. The inbox lets none
-    // through; this keeps the others safe should projection have made one of it.
+    // The planner refuses a whole step because of one unusable vehicle. The inbox accepts none;
+    // this check protects the others in case projection has made a vehicle unusable.
     for (uint32_t i = self->view.count; i-- > 0;) {
         const verge_status status =
             verge_road_check_vehicle(verge_planner_road(self->def.planner), &self->view.vehicles[i]);
         if (status != VERGE_OK && status != VERGE_ERR_OFF_ROAD) {
             self->counters.unusable++;
-            leave_out(&self->view, i);
+            remove_vehicle(&self->view, i);
         }
     }
 }
 
-/// The clock has stepped back: the planner's last plan and the states held lie in what is now the
-/// future. Whoever is there is heard again within a tenth of a second.
+/// The clock has stepped back: the last plan and all states are in the future now. Vehicles send
+/// new states within a tenth of a second.
 static void start_afresh(cycle* self)
 {
     verge_planner_reset(self->def.planner);
     forget_states(self);
 }
 
-/// The others keep their order.
-static void leave_out(inbox_view* view, uint32_t index)
+/// Removes one vehicle and keeps the order of the others.
+static void remove_vehicle(inbox_view* view, uint32_t index)
 {
     view->controlled_count -= view->vehicles[index].controlled ? 1 : 0;
     view->count--;
@@ -123,11 +123,11 @@ void cycle_plan(cycle* self)
 
 // ---- end ----------------------------------------------------------------------------------
 
-static void tell_cancelled(cycle* self);
-static void tell_plans(cycle* self);
+static void make_cancellations(cycle* self);
+static void make_plans(cycle* self);
 static void finish_messages(cycle* self, int64_t number);
 static void count_messages(cycle* self);
-static void keep_in_force(cycle* self);
+static void keep_valid(cycle* self);
 
 void cycle_end(cycle* self)
 {
@@ -135,10 +135,10 @@ void cycle_end(cycle* self)
     self->counters.planned += self->view.controlled_count > 0 ? 1 : 0;
     self->counters.refused += self->status != VERGE_OK ? 1 : 0;
     self->message_count = 0;
-    tell_cancelled(self);
-    tell_plans(self);
+    make_cancellations(self);
+    make_plans(self);
     finish_messages(self, self->number);
-    keep_in_force(self);
+    keep_valid(self);
 }
 
 /// The index of a vehicle in the view; view.count when it is not there.
@@ -156,7 +156,7 @@ static int32_t number_on_wire(int64_t number)
     return (int32_t)(number & INT32_MAX); // wraps after 34 years at 2 Hz
 }
 
-/// The count of the cycle's messages follows in finish_messages().
+/// finish_messages() adds the number of messages.
 static wire_plan_header header_of(const cycle* self, int64_t utime, int64_t state_utime)
 {
     const wire_plan_header header = {
@@ -178,18 +178,18 @@ static void cancel(cycle* self, int32_t vehicle_id, int64_t utime, int64_t state
     self->counters.cancelled++;
 }
 
-/// Once for each vehicle that had a plan and is not planned any more: its states are too old or
-/// have ended, it does not ask any more, or more vehicles ask than the planner holds. Where the
-/// planner refused the cycle, plans in force stay in force.
-static void tell_cancelled(cycle* self)
+/// Once for each vehicle that had a plan and is not controlled any more: its states are missing or
+/// too old, it does not request plans any more, or there are more vehicles than the planner holds.
+/// If the planner refused the cycle, the last plans stay valid.
+static void make_cancellations(cycle* self)
 {
     uint32_t kept = 0;
-    for (uint32_t i = 0; i < self->planned_count; i++) {
-        const int32_t  id = self->in_force[i].vehicle_id;
+    for (uint32_t i = 0; i < self->valid_count; i++) {
+        const int32_t  id = self->valid_plans[i].vehicle_id;
         const uint32_t index = index_of(self, id);
         const bool     seen = index < self->view.count;
         if (seen && self->view.vehicles[index].controlled) {
-            self->in_force[kept++] = self->in_force[i];
+            self->valid_plans[kept++] = self->valid_plans[i];
             continue;
         }
         const int64_t state_utime = seen ? self->view.state_utime[index] : 0;
@@ -197,10 +197,10 @@ static void tell_cancelled(cycle* self)
         cancel(self, id, self->utime, state_utime,
                age_ms > self->def.limits.fresh_ms ? VERGE_REASON_STALE : VERGE_REASON_NONE);
     }
-    self->planned_count = kept;
+    self->valid_count = kept;
 }
 
-static void tell_plans(cycle* self)
+static void make_plans(cycle* self)
 {
     if (self->status != VERGE_OK) {
         return;
@@ -213,8 +213,8 @@ static void tell_plans(cycle* self)
         header.digest = self->plan.digest;
         verge_vehicle_plan_t* message = &self->messages[self->message_count++];
         *message = wire_plan_from_vehicle_plan(&header, plan);
-        // The plan holds as long as its trajectory: a vehicle that hears no newer one until then
-        // is on its own.
+        // A plan is valid until its last point. A vehicle without a newer plan then decides for
+        // itself.
         message->valid_until_utime =
             self->utime + (int64_t)(message->point_count - 1) * message->dt_ms * 1000;
         self->counters.plans++;
@@ -222,16 +222,17 @@ static void tell_plans(cycle* self)
     }
 }
 
-/// What was sent is in force, unless it is a cancellation or the planner refused the cycle.
-static void keep_in_force(cycle* self)
+/// The messages are the valid plans from now on, except cancellations. If the planner refused the
+/// cycle, the last plans stay valid.
+static void keep_valid(cycle* self)
 {
     if (self->status != VERGE_OK) {
         return;
     }
-    self->planned_count = 0;
+    self->valid_count = 0;
     for (uint32_t i = 0; i < self->message_count; i++) {
         if (self->messages[i].status != VERGE_CANCELLED) {
-            self->in_force[self->planned_count++] = self->messages[i];
+            self->valid_plans[self->valid_count++] = self->messages[i];
         }
     }
 }
@@ -239,10 +240,10 @@ static void keep_in_force(cycle* self)
 void cycle_cancel_all(cycle* self, int64_t number, int64_t utime)
 {
     self->message_count = 0;
-    for (uint32_t i = 0; i < self->planned_count; i++) {
-        cancel(self, self->in_force[i].vehicle_id, utime, 0, VERGE_REASON_NONE);
+    for (uint32_t i = 0; i < self->valid_count; i++) {
+        cancel(self, self->valid_plans[i].vehicle_id, utime, 0, VERGE_REASON_NONE);
     }
-    self->planned_count = 0;
+    self->valid_count = 0;
     finish_messages(self, number);
 }
 
@@ -292,16 +293,15 @@ void cycle_overrun(cycle* self, int64_t utime)
     count_messages(self);
 }
 
-/// False: there is nothing left of its plan and its states have stopped; once the cycle is over it
-/// is told that its plan is cancelled.
+/// False: its plan is over and its states are missing. When the cycle ends, its plan is cancelled.
 static bool overrun_message(cycle* self, int32_t vehicle_id, int64_t utime,
                             verge_vehicle_plan_t* message)
 {
     uint32_t at = 0;
-    while (at < self->planned_count && self->in_force[at].vehicle_id != vehicle_id) {
+    while (at < self->valid_count && self->valid_plans[at].vehicle_id != vehicle_id) {
         at++;
     }
-    if (at < self->planned_count && wire_plan_rest(&self->in_force[at], utime, message)) {
+    if (at < self->valid_count && wire_plan_rest(&self->valid_plans[at], utime, message)) {
         return true;
     }
     verge_vehicle now;
@@ -311,8 +311,8 @@ static bool overrun_message(cycle* self, int32_t vehicle_id, int64_t utime,
         return false;
     }
     *message = overrun_brake(&header, &now, verge_planner_road(self->def.planner));
-    self->in_force[at] = *message; // from now on it is this that goes on, or is cancelled
-    self->planned_count += at == self->planned_count ? 1 : 0;
+    self->valid_plans[at] = *message; // what is sent at the next overrun, or cancelled
+    self->valid_count += at == self->valid_count ? 1 : 0;
     return true;
 }
 

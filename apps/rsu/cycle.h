@@ -1,19 +1,19 @@
-/// One planning cycle of the roadside unit, as a function of what was heard before.
+/// One planning cycle of the roadside unit, as a function of the messages received before.
 ///
 ///     cycle_init(&cycle, &def);
 ///     cycle_offer(&cycle, &message);          // each message, in the order of arrival
 ///     cycle_run(&cycle, plan_utime);          // = cycle_begin, cycle_plan, cycle_end
 ///     for (i < cycle.message_count) publish(cycle.messages[i]);
 ///
-/// Time        No clock is read: messages carry their arrival, a cycle is told its instant. The
-///             same messages and instants give the same plans, bit for bit; that is what a
-///             recording holds, and why live daemon, replay and tests share this file.
-/// Empty road  A cycle that sees no vehicle resets the planner: plans depend on what was heard since
-///             then alone, so a recording that begins there can be planned again without the past.
+/// Time        No clock is read: messages carry the time of their arrival, and the caller gives the
+///             instant of a cycle. The same messages and instants give the same plans, bit for bit.
+///             A recording holds them, and live daemon, replay and tests share this file.
+/// Empty road  A cycle without vehicles resets the planner. Later plans depend only on the messages
+///             received since then, so a recording that begins there can be replayed.
 /// Memory      Everything is inside the struct (about 1 MiB: keep it static) and in the planner.
-/// Threads     cycle_plan() may run in another thread while cycle_offer() goes on: it touches the
-///             planner, the job and the plan, and cycle_offer() touches the inbox alone.
-/// Isolation   A vehicle whose state is unusable costs its own plan at most, never another's.
+/// Threads     cycle_plan() may run in another thread while cycle_offer() is called: it uses the
+///             planner, the job and the plan; cycle_offer() uses the inbox only.
+/// Isolation   A vehicle with an unusable state can lose its own plan, never that of another one.
 #ifndef VERGE_RSU_CYCLE_H
 #define VERGE_RSU_CYCLE_H
 
@@ -21,7 +21,7 @@
 #include "verge/transport.h"
 #include "verge/verge.h"
 
-/// What a cycle works with; may be exchanged between two cycles, see cycle_swap().
+/// What a cycle is made with. It can be replaced between two cycles, see cycle_swap().
 typedef struct cycle_def {
     verge_planner* planner;         ///< outlives the cycle or the next cycle_swap()
     uint32_t       vehicles_max;    ///< of the planner's def
@@ -31,13 +31,13 @@ typedef struct cycle_def {
 } cycle_def;
 
 typedef struct cycle_counters {
-    uint64_t planned;   ///< cycles that had somebody to plan for
-    uint64_t plans;     ///< plan messages made, cancelled ones not counted
-    uint64_t fallbacks; ///< of them, fallbacks
-    uint64_t overruns;  ///< of them, made by cycle_overrun()
-    uint64_t cancelled; ///< cancelled messages made
-    uint64_t unusable;  ///< vehicles left out of a cycle: the planner refuses their values
-    uint64_t refused;   ///< cycles the planner refused as a whole: 0 unless we have a defect
+    uint64_t planned;   ///< cycles with at least one controlled vehicle
+    uint64_t plans;     ///< plan messages made, without cancellations
+    uint64_t fallbacks; ///< of the plans, fallbacks
+    uint64_t overruns;  ///< of the plans, made by cycle_overrun()
+    uint64_t cancelled; ///< cancellations made
+    uint64_t unusable;  ///< vehicles removed from a cycle: the planner refuses their values
+    uint64_t refused;   ///< cycles the planner refused as a whole: 0 unless verge has a defect
 } cycle_counters;
 
 /// A cycle may cancel every plan of the one before and issue a whole set of new ones.
@@ -50,51 +50,52 @@ typedef struct cycle {
 
     // The job: input of cycle_plan().
     int64_t        number;  ///< of this cycle; the first is 0
-    int64_t        utime;   ///< [us] the plan's instant
-    inbox_view     view;    ///< who takes part
+    int64_t        utime;   ///< [us] the instant of the plan
+    inbox_view     view;    ///< the vehicles
 
     // The result: output of cycle_plan() and cycle_end().
     verge_status   status;  ///< of the planner's step
-    verge_plan     plan;    ///< vehicle_count 0 where there was nobody to plan for
+    verge_plan     plan;    ///< vehicle_count 0 without a controlled vehicle
     verge_counters planner_counters; ///< after the last step
-    verge_vehicle_plan_t messages[CYCLE_MESSAGES_MAX]; ///< to be published, ordered by vehicle id
+    verge_vehicle_plan_t messages[CYCLE_MESSAGES_MAX]; ///< to publish, ordered by vehicle id
     uint32_t       message_count;
 
-    verge_vehicle_plan_t in_force[VERGE_CONTROLLED_MAX]; ///< the last plan of each, not cancelled
-    uint32_t       planned_count;
+    verge_vehicle_plan_t valid_plans[VERGE_CONTROLLED_MAX]; ///< the last plan of each vehicle
+    uint32_t       valid_count;
 } cycle;
 
 void cycle_init(cycle* self, const cycle_def* def);
 
-/// Another planner or other limits from the next cycle on; what was heard is kept.
+/// Sets another planner and other limits for the next cycle. The states received so far are kept if
+/// the new road has them.
 void cycle_swap(cycle* self, const cycle_def* def);
 
-/// Takes in a message of kind TRANSPORT_STATE; others are ignored. True: it was accepted, and
-/// belongs into a recording. False: refused and counted.
+/// Receives a message of kind TRANSPORT_STATE; others are ignored. True: it was accepted, and has
+/// to be recorded. False: it was refused and counted.
 bool cycle_offer(cycle* self, const transport_message* message);
 
-/// Fixes the cycle's number and instant and who takes part. utime need not grow: after a step
-/// back of the clock all states and the last plan are forgotten.
+/// Sets the number, the instant and the vehicles of the cycle. If utime steps back, all states and
+/// the last plan are forgotten.
 void cycle_begin(cycle* self, int64_t number, int64_t utime);
-/// Plans for those who take part. The long part of a cycle.
+/// Plans for the controlled vehicles. The long part of a cycle.
 void cycle_plan(cycle* self);
-/// Turns the plan into messages: one for each controlled vehicle, and `cancelled` for each that
-/// does not take part any more.
+/// Makes the messages: the plan of each controlled vehicle, and a cancellation for each vehicle
+/// that had a plan and is not controlled any more.
 void cycle_end(cycle* self);
-/// At a tick that finds cycle_plan() still at work in another thread: makes one message for each
-/// vehicle being planned for. Its plan in force, elapsed points dropped, as long as two are left;
-/// else, where its state is fresh, overrun_brake(). They carry the cycle and digest of the plan
-/// they come from (a fallback: this cycle, digest 0) and VERGE_REASON_OVERRUN. Plans are not
-/// affected: a recording replays as if there had been no overrun.
+/// At a tick at which cycle_plan() is still running in another thread: makes one message for each
+/// controlled vehicle. It is the rest of its valid plan while two points are left, otherwise
+/// overrun_brake() if its state is fresh. The messages have the cycle and digest of the plan they
+/// are from (a fallback: this cycle, digest 0) and VERGE_REASON_OVERRUN. Planning is not affected:
+/// a recording replays as if there had been no overrun.
 void cycle_overrun(cycle* self, int64_t utime);
-/// After cycle_end() of a cycle that is late: its messages begin at utime instead of at the
-/// cycle's instant, so that they are newer than those of cycle_overrun().
+/// After cycle_end() of a late cycle: lets its messages begin at utime instead of the cycle's
+/// instant, so that they are newer than those of cycle_overrun().
 void cycle_retime(cycle* self, int64_t utime);
 /// cycle_begin(), cycle_plan() and cycle_end().
 void cycle_run(cycle* self, int64_t number, int64_t utime);
 
-/// Makes the messages that end every plan in force, for a daemon that stops. A plan under way in
-/// another thread is not touched.
+/// Makes the messages that cancel every valid plan, for a daemon that stops. cycle_plan() may be
+/// running in another thread.
 void cycle_cancel_all(cycle* self, int64_t number, int64_t utime);
 
 #endif

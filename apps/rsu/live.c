@@ -1,8 +1,8 @@
-/// A cycle in time: the timer ticks, what waits on the bus is taken in, the snapshot is made and
-/// the worker starts; while it plans, states keep coming in for the next cycle; when it is done
-/// the plans go out. A tick that finds the worker busy is a missed deadline: it sends what is left
-/// of the last plans, or fallbacks (cycle_overrun()); the plan under way is still sent when it is
-/// ready, from its first point that is not over, and the next tick starts a new one.
+/// A cycle begins at a tick of the timer: the waiting messages are received, the snapshot is made
+/// and the worker starts. While it plans, the loop receives states for the next cycle. When it is
+/// done, the plans are sent. A tick while the worker is busy is a missed deadline: the rest of the
+/// last plans is sent, or fallbacks (cycle_overrun()). The late plan is still sent when it is
+/// ready, from its first point in the future, and the next tick begins a new cycle.
 #define _GNU_SOURCE
 #include "live.h"
 
@@ -14,7 +14,7 @@
 #include "recorder.h"
 #include "reload.h"
 #include "status.h"
-#include "tell.h"
+#include "monitor.h"
 #include "worker.h"
 
 #include "common/floating.h"
@@ -32,26 +32,27 @@
 
 enum {
     DRAIN_BATCH = 64,
-    DRAIN_ROUNDS_MAX = 64,   // before a cycle: the whole socket buffer, but not a flood's length
+    DRAIN_ROUNDS_MAX = 64,   // before a cycle: empties the socket's buffer, but ends in a flood
     OWN_ENDS = 5,            // descriptors of the loop itself: signals, planning, reload, timers
     STATUS_PERIOD_MS = 1000, // and on each change of state or fault
-    RECORD_PATIENCE_US = 300000, // for what waits when the recording ends: within a second all
-    LOG_PATIENCE_US = 200000,    // has to be over at SIGTERM
+    // For the last events and lines. At SIGTERM everything has to be over within one second.
+    RECORD_PATIENCE_US = 300000,
+    LOG_PATIENCE_US = 200000,
 };
 
 typedef struct live {
     const live_options* options;
-    setup          now;          // in effect
-    reloader       reloader;     // makes the next one
+    setup          now;          // the configuration in effect
+    reloader       reloader;     // prepares the next one
     uint64_t       record_dropped; // by recordings that have ended
     worker*        worker;
     int            signal_fd, cycle_fd, status_fd;
     int64_t        cycle_count;  // cycles begun
     int64_t        begun;        // [us] monotonic, of the running cycle
-    bool           corrected;    // the floating-point mode, in the running cycle
-    bool           correction_told;
+    bool           corrected;    // the floating-point mode was wrong in the running cycle
+    bool           correction_logged;
     bool           late;         // a tick came while the running cycle was planning
-    teller         teller;
+    monitor         monitor;
     notify         notify;       // the service manager
     operators      operators;
     status         status;
@@ -78,10 +79,10 @@ static instant instant_now(void)
 
 int live_run(const live_options* options)
 {
-    static live self; // large, and there is one of it
+    static live self; // large; there is one daemon in a process
     memset(&self, 0, sizeof self);
     self.options = options;
-    self.teller = (teller){ .setup = &self.now, .cycle = &self.cycle, .status = &self.status,
+    self.monitor = (monitor){ .setup = &self.now, .cycle = &self.cycle, .status = &self.status,
                             .notify = &self.notify };
     self.signal_fd = self.cycle_fd = self.status_fd = self.notify.fd = -1;
     const int code = start(&self);
@@ -106,7 +107,7 @@ static void arm(int timer_fd, uint32_t period_ms);
 
 static int start(live* self)
 {
-    block_signals(); // before the first thread: all of them inherit it
+    block_signals(); // before the first thread, because threads inherit it
     int code = load(self);
     if (code == 0) {
         code = open_ends(self);
@@ -149,7 +150,7 @@ static void open_notify(live* self)
     check_patience(self);
 }
 
-/// The watchdog is fed by completed cycles: it must be more patient than one of them.
+/// Completed cycles feed the watchdog, so its period must be longer than one cycle.
 static void check_patience(const live* self)
 {
     const int64_t patience_us = self->notify.watchdog_us;
@@ -166,14 +167,14 @@ static void open_log(const live* self)
     log_setup(asked != NULL ? *asked : self->now.config->service.log_format);
 }
 
-/// Once: what does it to us once does it again.
-static void tell_correction(live* self, const char* when)
+/// Logged once, because whatever changes the mode usually does so again and again.
+static void log_correction(live* self, const char* when)
 {
-    if (!self->correction_told) {
-        self->correction_told = true;
+    if (!self->correction_logged) {
+        self->correction_logged = true;
         log_event(LOG_WARNING, "floating_corrected",
-                  "when=%s words=\"something in this process had changed rounding or switched "
-                  "subnormal numbers off, as libraries built with -Ofast do\"", when);
+                  "when=%s words=\"something in this process had changed the rounding mode or "
+                  "disabled subnormal numbers, as libraries built with -Ofast do\"", when);
     }
 }
 
@@ -191,13 +192,13 @@ static int load(live* self)
                              "LimitNPROC or TasksMax");
     }
     if (self->options->floating_corrected) {
-        tell_correction(self, "start");
+        log_correction(self, "start");
     }
     code = setup_build(&self->now, error);
     return code == 0 ? 0 : fail(code, error);
 }
 
-/// What a bus itself has to say: who was refused and why, what its middleware cannot do.
+/// Complaints of a bus: refused senders with the reason, errors of its middleware.
 static void log_complaint(void* context, const char* line)
 {
     (void)context;
@@ -220,7 +221,7 @@ static int open_ends(live* self)
     return recorder_open(&self->now.record, path, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
-/// Those the loop answers.
+/// The signals that the loop handles.
 static sigset_t own_signals(void)
 {
     sigset_t signals;
@@ -237,7 +238,7 @@ static void block_signals(void)
     const sigset_t signals = own_signals();
     sigprocmask(SIG_BLOCK, &signals, NULL);
     signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); // a file at its limit is a write that fails
+    signal(SIGXFSZ, SIG_IGN); // a file at its size limit makes write() fail
 }
 
 static int open_descriptors(live* self)
@@ -264,15 +265,15 @@ static int open_descriptors(live* self)
     return 0;
 }
 
-static operators_view look(void* context);
+static operators_view view(void* context);
 static reload_result reload(void* context, uint64_t* ticket, const char** reason);
 
-/// The operators' ends, if any are asked for; and then, everything being there, memory is locked.
+/// Opens what serves operators. Then everything is allocated, and memory is locked.
 static int open_operators(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
     const service*      service = &self->now.config->service;
-    const operators_def def = { .context = self, .look = look, .reload = reload };
+    const operators_def def = { .context = self, .view = view, .reload = reload };
     const int code = operators_open(&self->operators, service, &def, error);
     if (code != 0) {
         return fail(code, error);
@@ -280,7 +281,7 @@ static int open_operators(live* self)
     return realtime_lock(service, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
-/// Prints one line for people, not in the form of the log, and returns the code.
+/// Prints one line, not in the format of the log, and returns the code.
 static int fail(int code, const char* line)
 {
     char text[CONFIG_ERROR_SIZE + 16];
@@ -330,8 +331,7 @@ static void loop(live* self)
         if (on_signals(self)) {
             return;
         }
-        // What a plan is made from is taken in before it is begun, and a plan that is ready goes
-        // out before anything else.
+        // A plan that is ready is sent first. Messages are received before a new cycle begins.
         on_planned(self);
         check_record(self);
         on_reload_over(self);
@@ -341,8 +341,8 @@ static void loop(live* self)
         on_bus(self);
         on_tick(self);
         on_status_due(self);
-        tell_changes(&self->teller, instant_now());
-        // Last: nothing waits for them.
+        monitor_update(&self->monitor, instant_now());
+        // Last, because operators can wait.
         operators_serve(&self->operators, clock_us(CLOCK_MONOTONIC));
     }
 }
@@ -358,7 +358,7 @@ static void on_status_due(live* self)
 {
     if (expirations(self->status_fd) > 0) {
         count_dropped(self);
-        tell_periodically(&self->teller, instant_now());
+        monitor_each_second(&self->monitor, instant_now());
         operators_write(&self->operators);
     }
 }
@@ -369,11 +369,11 @@ static uint64_t expirations(int timer_fd)
     return read(timer_fd, &count, sizeof count) == (ssize_t)sizeof count ? count : 0;
 }
 
-// ---- taking in ----------------------------------------------------------------------------
+// ---- receiving ----------------------------------------------------------------------------
 
 static void record_message(live* self, int64_t utime, const transport_message* message);
 
-static void take_in_message(live* self, const transport_message* message)
+static void receive_message(live* self, const transport_message* message)
 {
     const uint64_t conflicts = self->cycle.inbox.counters.rx_id_conflict;
     const int32_t vehicle = message->as.state.vehicle_id;
@@ -392,14 +392,14 @@ static void take_in_message(live* self, const transport_message* message)
     }
 }
 
-/// Takes in a batch from each bus. Returns how many messages the fullest one had.
-static uint32_t take_in(live* self)
+/// Receives a batch from each bus. Returns the size of the largest batch.
+static uint32_t receive(live* self)
 {
     uint32_t most = 0;
     for (uint32_t bus = 0; bus < self->now.buses.count; bus++) {
         const uint32_t count = buses_drain(&self->now.buses, bus, self->inbound, DRAIN_BATCH);
         for (uint32_t i = 0; i < count; i++) {
-            take_in_message(self, &self->inbound[i]);
+            receive_message(self, &self->inbound[i]);
         }
         most = count > most ? count : most;
     }
@@ -408,7 +408,7 @@ static uint32_t take_in(live* self)
 
 static void on_bus(live* self)
 {
-    take_in(self);
+    receive(self);
 }
 
 static void record_message(live* self, int64_t utime, const transport_message* message)
@@ -418,7 +418,7 @@ static void record_message(live* self, int64_t utime, const transport_message* m
     }
 }
 
-/// False: what waited could not be written in time.
+/// False: the last events could not be written in time.
 static bool end_record(live* self)
 {
     self->record_dropped += recorder_dropped(self->now.record);
@@ -427,7 +427,7 @@ static bool end_record(live* self)
     return whole;
 }
 
-/// A recording that cannot be written ends; planning does not.
+/// A recording that cannot be written ends; planning continues.
 static void check_record(live* self)
 {
     const int fault = recorder_fault(self->now.record);
@@ -451,12 +451,12 @@ static void record_mark(live* self, int64_t utime, bool overrun)
 
 // ---- a cycle ------------------------------------------------------------------------------
 
-static void install_next(live* self);
+static void apply_next(live* self);
 static void send_messages(live* self);
 static void send_overrun(live* self);
 
-/// Runs in the planning thread. Its helpers do nothing but tasks of ours: their mode stays what it
-/// was when they were started.
+/// Runs in the planning thread. Its helpers run nothing but planning tasks, so their floating-point
+/// mode stays what it was at their start.
 static void plan_job(void* arg)
 {
     live* self = arg;
@@ -486,18 +486,18 @@ static void on_tick(live* self)
     if (self->options->cycles > 0 && self->cycle_count >= self->options->cycles) {
         return;
     }
-    install_next(self);
-    for (uint32_t round = 0; round < DRAIN_ROUNDS_MAX && take_in(self) == DRAIN_BATCH; round++) {
+    apply_next(self);
+    for (uint32_t round = 0; round < DRAIN_ROUNDS_MAX && receive(self) == DRAIN_BATCH; round++) {
     }
     self->begun = clock_us(CLOCK_MONOTONIC);
     self->late = false;
-    self->corrected = floating_correct(); // states are projected in this thread
+    self->corrected = floating_correct(); // this thread projects states
     cycle_begin(&self->cycle, self->cycle_count++, clock_us(CLOCK_REALTIME));
     record_mark(self, self->cycle.utime, false);
     worker_start(self->worker, plan_job, self);
 }
 
-/// The tick's messages all the same: what is left of the last plans, or fallbacks.
+/// The messages of a tick at which planning is not over: the rest of the last plans, or fallbacks.
 static void send_overrun(live* self)
 {
     const int64_t utime = clock_us(CLOCK_REALTIME);
@@ -525,7 +525,7 @@ static void on_planned(live* self)
     }
     self->status.heard = self->cycle.view.count > 0;
     if (self->corrected) {
-        tell_correction(self, "cycle");
+        log_correction(self, "cycle");
     }
     const cycle_counters* counters = &self->cycle.counters;
     if (counters->refused > before.refused) {
@@ -542,7 +542,7 @@ static void on_planned(live* self)
               self->cycle.plan.digest);
 }
 
-/// Broadcasts what the cycle has made, and keeps it in the recording.
+/// Broadcasts the messages of the cycle and records them.
 static void send_messages(live* self)
 {
     for (uint32_t i = 0; i < self->cycle.message_count; i++) {
@@ -553,7 +553,7 @@ static void send_messages(live* self)
                       plan->reason);
         }
         if (self->now.record != NULL) {
-            static transport_message message; // large; there is one main thread
+            static transport_message message; // large; only the main thread is here
             message.kind = TRANSPORT_PLAN;
             message.as.plan = *plan;
             record_message(self, clock_us(CLOCK_REALTIME), &message);
@@ -563,7 +563,7 @@ static void send_messages(live* self)
 
 // ---- operators ----------------------------------------------------------------------------
 
-static operators_view look(void* context)
+static operators_view view(void* context)
 {
     live* self = context;
     const instant at = instant_now();
@@ -571,7 +571,7 @@ static operators_view look(void* context)
     return (operators_view){
         .config = self->now.config,
         .cycle = &self->cycle,
-        .status = tell_message(&self->teller, at),
+        .status = monitor_message(&self->monitor, at),
         .details = {
             .faults = status_faults(&self->status, at.now),
             .log_dropped = self->status.log_dropped,
@@ -585,7 +585,7 @@ static operators_view look(void* context)
 
 static uint64_t ask_reload(live* self);
 
-/// True: it is time to stop.
+/// True: the daemon has to stop.
 static bool on_signals(live* self)
 {
     struct signalfd_siginfo info;
@@ -593,7 +593,7 @@ static bool on_signals(live* self)
         if (info.ssi_signo == SIGHUP) {
             ask_reload(self);
         } else if (info.ssi_signo == SIGUSR1) {
-            tell_statistics(&self->teller, instant_now());
+            monitor_log_statistics(&self->monitor, instant_now());
         } else {
             log_event(LOG_INFO, "stopping", "signal=%s",
                       info.ssi_signo == SIGTERM ? "SIGTERM" : "SIGINT");
@@ -603,7 +603,7 @@ static bool on_signals(live* self)
     return false;
 }
 
-/// The configuration is read again, now or after the reload that is under way.
+/// Begins a reload, or asks for one more after the reload that is running.
 static uint64_t ask_reload(live* self)
 {
     char reloading[64];
@@ -628,7 +628,7 @@ static void notify_settled(live* self)
     }
 }
 
-/// A configuration that was accepted waits for install_next(); one that was refused is logged.
+/// An accepted configuration waits for apply_next(); a refused one is logged.
 static void on_reload_over(live* self)
 {
     if (reloader_collect(&self->reloader) == RELOAD_REFUSED) {
@@ -639,8 +639,8 @@ static void on_reload_over(live* self)
     }
 }
 
-/// At a cycle boundary, the worker at rest: the configuration that waits takes effect.
-static void install_next(live* self)
+/// Between two cycles: the accepted configuration takes effect.
+static void apply_next(live* self)
 {
     const setup* next = reloader_next(&self->reloader);
     if (next == NULL) {
@@ -650,14 +650,14 @@ static void install_next(live* self)
     cycle_swap(&self->cycle, &def);
     const bool period_changed = next->config->cycle_ms != self->now.config->cycle_ms;
     const bool buses_changed = next->buses.count > 0;
-    // A recording holds one configuration: what follows could not be replayed with either.
+    // A recording holds one configuration, because a replay works with one.
     if (self->now.record != NULL) {
         log_event(LOG_WARNING, "record_ended", "reason=configuration_changed");
         self->record_dropped += recorder_dropped(self->now.record);
     }
     reloader_install(&self->reloader);
     if (buses_changed) {
-        inbox_forget_senders(&self->cycle.inbox); // theirs have other numbers
+        inbox_forget_senders(&self->cycle.inbox); // the new buses number them anew
     }
     if (period_changed) {
         arm(self->cycle_fd, self->now.config->cycle_ms);
@@ -665,7 +665,7 @@ static void install_next(live* self)
     }
     open_log(self);
     status_fault_clear(&self->status, RSU_FAULT_CONFIG);
-    log_event(LOG_INFO, "config_in_force", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
+    log_event(LOG_INFO, "config_applied", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
               self->now.config->config_crc32, self->now.config->map_crc32,
               self->now.config->cycle_ms);
     notify_settled(self);
@@ -679,18 +679,19 @@ static int stop(live* self)
     cycle_cancel_all(&self->cycle, self->cycle_count, clock_us(CLOCK_REALTIME));
     send_messages(self);
     self->status.stopping = true;
-    tell_status(&self->teller, instant_now());
+    monitor_publish(&self->monitor, instant_now());
     operators_write(&self->operators);
     log_event(LOG_INFO, "stopped",
               "cycles=%" PRId64 " plans=%" PRIu64 " fallbacks=%" PRIu64 " deadline_misses=%" PRIu64,
               self->cycle_count, self->cycle.counters.plans, self->cycle.counters.fallbacks,
               self->status.deadline_misses);
     if (!end_record(self)) {
-        log_event(LOG_WARNING, "record_cut", "reason=\"what waited could not be written\"");
+        log_event(LOG_WARNING, "record_cut",
+                  "reason=\"the last events could not be written in time\"");
     }
     if (worker_busy(self->worker) || reloader_busy(&self->reloader)) {
-        // The daemon stops within one second. A planning step or a reload may take longer, and what
-        // it makes is not needed any more. The recording is complete without it.
+        // The daemon stops within one second. A planning step or a reload may take longer, and its
+        // result is not needed any more. The recording is complete without it.
         operators_close(&self->operators);
         log_stop(LOG_PATIENCE_US);
         _exit(0);

@@ -1,9 +1,9 @@
-/// The daemon at work: listens to the bus, plans each cycle, broadcasts plans and its status.
+/// The running daemon: receives states, plans each cycle, broadcasts plans and its status.
 ///
-/// One loop waits on everything (buses, timers, signals, operators, and the threads that plan and
-/// reload); no call in it blocks, so each is answered within the length of one short task. Planning
-/// runs in a worker thread (worker.h), a reload in another (reload.h), and two more write the log and
-/// the recording (outlet.h). After the line `event=READY` only a reload allocates, in its thread.
+/// One loop waits for everything: buses, timers, signals, operators, and the threads that plan and
+/// reload. No call in it blocks, so each is served after at most one short task. Planning runs in a
+/// worker thread (worker.h), a reload in another (reload.h), and two more write the log and the
+/// recording (outlet.h). After the line `event=READY` only a reload allocates, in its own thread.
 #ifndef VERGE_RSU_LIVE_H
 #define VERGE_RSU_LIVE_H
 
@@ -15,11 +15,11 @@ typedef struct live_options {
     const char* config_path;
     const char* record_path; ///< null: no recording
     const log_format* log_format; ///< null: the configuration's
-    bool        floating_corrected; ///< at the start of the process: worth a line in the log
-    int64_t     cycles;      ///< stop after so many; 0: run until told to stop
+    bool        floating_corrected; ///< at the start of the process; it is logged
+    int64_t     cycles;      ///< stop after this many; 0: run until a signal
 } live_options;
 
-/// Runs until SIGTERM, SIGINT or the last of options->cycles. Returns the process's exit code.
+/// Runs until SIGTERM, SIGINT or the last of options->cycles. Returns the exit code of the process.
 int live_run(const live_options* options);
 
 #endif

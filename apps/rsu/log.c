@@ -1,5 +1,5 @@
-/// See log.h. The main thread makes a line, the outlet's thread writes it: with one write(), which
-/// keeps lines whole when other programs write to the same pipe.
+/// See log.h. The main thread makes a line, the thread of the outlet writes it: with one write(),
+/// so that lines stay whole if other programs write to the same pipe.
 #include "log.h"
 
 #include "outlet.h"
@@ -22,18 +22,19 @@ enum {
     LINE_SIZE = 512,
     JSON_SIZE = 4 * LINE_SIZE, // the worst pair, `= `, becomes three times as long
     WRITTEN_SIZE = JSON_SIZE + 8, // with the priority before it and the line break
-    RATES_MAX = 64, // more than the event words of this program, with room for causes
+    RATES_MAX = 64, // event words of this program, and some causes of them
 };
 static_assert(WRITTEN_SIZE <= PIPE_BUF, "a pipe takes a line whole or not at all");
 
-/// What waits in the outlet: a line, and how many dropped ones it tells of (0: it is another line).
+/// A line that waits in the outlet. A line log_dropped has the number of dropped lines so far in
+/// `reports`, other lines 0.
 typedef struct queued_line {
-    uint64_t tells;
+    uint64_t reports;
     char     text[WRITTEN_SIZE];
 } queued_line;
 enum { QUEUED_HEAD = offsetof(queued_line, text) };
 
-/// What an event word, or one cause of it, has written since a moment.
+/// How much an event word, or one cause of it, has written since a time.
 typedef struct event_rate {
     const char* event; // null: free
     bool        of_cause;
@@ -48,9 +49,9 @@ static log_format format_now = LOG_TEXT;
 static bool       journal;
 static event_rate rates[RATES_MAX];
 static outlet*    queue;      // null: lines are written by the caller
-static bool       silent;     // the queue's thread still waits for standard error: nobody writes
+static bool       silent;     // after log_stop(): the thread still waits for standard error
 static uint64_t   dropped_before; // by a queue that is closed
-static atomic_uint_fast64_t told; // dropped lines that the log tells of
+static atomic_uint_fast64_t reported; // dropped lines of which the log gives the number
 
 static const char* const LEVEL_NAMES[] = { "error", "warning", "info", "debug" };
 static const int PRIORITIES[] = { 3, 4, 6, 7 }; // syslog's, of the levels
@@ -98,7 +99,7 @@ void log_setup(log_format format)
     journal = stderr_is_journal();
 }
 
-static void write_line(log_level level, const char* pairs, uint64_t tells);
+static void write_line(log_level level, const char* pairs, uint64_t reports);
 
 static void log_made(log_level level, const char* event, const uint32_t* cause,
                      const char* format, va_list args)
@@ -139,9 +140,9 @@ void log_repeated(log_level level, const char* event, uint32_t cause, const char
 
 static void queue_or_write(queued_line* line, size_t size);
 
-static void write_line(log_level level, const char* pairs, uint64_t tells)
+static void write_line(log_level level, const char* pairs, uint64_t reports)
 {
-    queued_line line = { .tells = tells };
+    queued_line line = { .reports = reports };
     size_t size = 0;
     if (journal) {
         size = (size_t)snprintf(line.text, sizeof line.text, "<%d>", PRIORITIES[level]);
@@ -159,7 +160,7 @@ static void write_line(log_level level, const char* pairs, uint64_t tells)
 
 void log_plain(const char* text)
 {
-    queued_line line = { .tells = 0 };
+    queued_line line = { .reports = 0 };
     size_t size = strnlen(text, sizeof line.text - 1);
     memcpy(line.text, text, size);
     if (size == 0 || text[size - 1] != '\n') {
@@ -199,10 +200,10 @@ uint64_t log_dropped(void)
     return dropped_before + (queue != NULL ? outlet_dropped(queue) : 0);
 }
 
-void log_tell_dropped(void)
+void log_report_dropped(void)
 {
     const uint64_t dropped = log_dropped();
-    const uint64_t before = atomic_load(&told);
+    const uint64_t before = atomic_load(&reported);
     if (queue == NULL || dropped == before || level_max < LOG_WARNING || !outlet_idle(queue)) {
         return;
     }
@@ -218,24 +219,26 @@ static void queue_or_write(queued_line* line, size_t size)
     if (queue != NULL) {
         outlet_put(queue, line, QUEUED_HEAD + size);
     } else if (!silent) {
-        write_whole(line->text, size); // a log that cannot be written is not worth stopping for
+        write_whole(line->text, size); // if the log cannot be written, the daemon goes on
     }
 }
 
-/// In the outlet's thread. A line that only tells of dropped ones is not missed: the next one does.
+/// In the outlet's thread. A lost line log_dropped is not counted, because the next one replaces
+/// it.
 static bool write_queued(void* context, const void* record, size_t size)
 {
     (void)context;
-    uint64_t tells = 0;
-    memcpy(&tells, record, sizeof tells);
+    uint64_t reports = 0;
+    memcpy(&reports, record, sizeof reports);
     const bool written = write_whole((const char*)record + QUEUED_HEAD, size - QUEUED_HEAD);
-    if (tells > 0 && written) {
-        atomic_store(&told, tells);
+    if (reports > 0 && written) {
+        atomic_store(&reported, reports);
     }
-    return written || tells > 0;
+    return written || reports > 0;
 }
 
-/// However long it takes. A line that was cut when the disk was full is ended before the next one.
+/// Writes a line, however long it takes. If a full disk has cut the line before, a line break ends
+/// that one first.
 static bool write_whole(const char* text, size_t size)
 {
     static bool cut;
@@ -247,7 +250,7 @@ static bool write_whole(const char* text, size_t size)
         const ssize_t part = write(STDERR_FILENO, text + written, size - written);
         if (part > 0) {
             written += (size_t)part;
-        } else if (errno == EAGAIN) { // another program made it so
+        } else if (errno == EAGAIN) { // another program has made it non-blocking
             struct pollfd end = { .fd = STDERR_FILENO, .events = POLLOUT };
             poll(&end, 1, -1);
         } else if (errno != EINTR) {
@@ -269,8 +272,8 @@ char* log_words(char* text)
     return text;
 }
 
-/// The journal names its end by device and inode, so that a program started from one that writes
-/// to the journal, but itself writes elsewhere, can tell.
+/// The journal gives the device and inode of its stream, so that a program whose standard error is
+/// elsewhere notices.
 static bool stderr_is_journal(void)
 {
     const char* name = getenv("JOURNAL_STREAM");
@@ -283,7 +286,7 @@ static bool stderr_is_journal(void)
 
 // ---- JSON -----------------------------------------------------------------------------------
 
-/// A text that grows; what does not fit is left out.
+/// A growing text. What does not fit is left out.
 typedef struct writer {
     char*  text;
     size_t size, room;
@@ -309,7 +312,7 @@ static void put_string(writer* out, const char* text, size_t length)
     put(out, '"');
 }
 
-/// A whole or decimal number as JSON spells it, of no more digits than a double holds.
+/// A decimal number in the syntax of JSON, with at most as many digits as a double holds.
 static bool is_number(const char* text, size_t length)
 {
     const size_t sign = length > 0 && text[0] == '-' ? 1 : 0;
@@ -362,7 +365,7 @@ static event_rate* rate_of(const char* event, const uint32_t* cause, const event
                            int64_t now);
 static bool        rate_open(event_rate* rate, int64_t period_s, uint32_t burst, int64_t now);
 
-/// cause null: there is only the event's own limit.
+/// cause null: only the event word has a limit.
 static bool rate_allows(const char* event, const uint32_t* cause, uint32_t* held_back)
 {
     struct timespec clock;
@@ -382,7 +385,8 @@ static bool rate_allows(const char* event, const uint32_t* cause, uint32_t* held
     return true;
 }
 
-/// Its slot; for a new one the slot that has been quiet for longest, but not `keep`.
+/// The slot of an event or cause. A new one gets the slot that was not used for the longest time,
+/// but not `keep`.
 static event_rate* rate_of(const char* event, const uint32_t* cause, const event_rate* keep,
                            int64_t now)
 {
@@ -394,7 +398,7 @@ static event_rate* rate_of(const char* event, const uint32_t* cause, const event
             return rate;
         }
         if (rate != keep && (oldest == NULL || rate->since < oldest->since)) {
-            oldest = rate; // a free one has been quiet since 0
+            oldest = rate; // a free one was never used: 0
         }
     }
     *oldest = (event_rate){ .event = event, .of_cause = cause != NULL,

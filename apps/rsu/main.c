@@ -1,5 +1,5 @@
-/// verge-rsu: the roadside daemon. Options and what they lead to; the work is in live.c,
-/// replay.c and config.c. Exit codes: config.h.
+/// verge-rsu: the roadside daemon. This file reads the options; live.c runs the daemon, replay.c a
+/// replay. Exit codes: config.h.
 #include "buses.h"
 #include "config.h"
 #include "live.h"
@@ -53,20 +53,20 @@ int main(int argc, char** argv)
     return live_run(&options);
 }
 
-static int wrong(const char* option, const char* text)
+static int usage_error(const char* option, const char* text)
 {
     fprintf(stderr, "verge-rsu:%s: %s\n", option, text);
     return EXIT_USAGE;
 }
 
-/// 0 with a config path: go on. 0 without: help or version was asked for.
+/// Returns 0 or an exit code. 0 without a config path: help or version was printed.
 static int read_arguments(arguments* args, int argc, char** argv)
 {
     const option_entry table[] = {
         { "--config", "RSU.json", "the configuration; required", &args->config_path, NULL },
-        { "--check-config", NULL, "checks it, prints the memory it needs, ends", NULL,
+        { "--check-config", NULL, "checks it, prints the memory it needs, and ends", NULL,
           &args->check },
-        { "--print-config", NULL, "prints it with every default, ends", NULL, &args->print },
+        { "--print-config", NULL, "prints it with every default, and ends", NULL, &args->print },
         { "--cycles", "N", "stops after N planning cycles", &args->cycles_text, NULL },
         { "--record", "LOG", "records states, cycles and plans", &args->record_path, NULL },
         { "--replay", "LOG", "plans the states of a log, prints one line per cycle",
@@ -90,28 +90,28 @@ static int read_arguments(arguments* args, int argc, char** argv)
         return status;
     }
     if (args->config_path == NULL) {
-        return wrong("--config", "missing, see --help");
+        return usage_error("--config", "missing, see --help");
     }
     bool given = false;
     if (!options_u64(&self, "--cycles", args->cycles_text, &args->cycles, &given)) {
         return EXIT_USAGE;
     }
     if (given && (args->cycles == 0 || args->cycles > INT32_MAX)) {
-        return wrong("--cycles", "is out of range, expected 1 to 2147483647");
+        return usage_error("--cycles", "is out of range, expected 1 to 2147483647");
     }
     log_level level = LOG_INFO;
     if (args->level_text != NULL && !log_level_from(args->level_text, &level)) {
-        return wrong("--log-level", "is unknown, expected error, warning, info or debug");
+        return usage_error("--log-level", "is unknown, expected error, warning, info or debug");
     }
     if (args->format_text != NULL && !log_format_from(args->format_text, &args->format)) {
-        return wrong("--log-format", "is unknown, expected text or json");
+        return usage_error("--log-format", "is unknown, expected text or json");
     }
     log_level_set(level);
     return 0;
 }
 
-/// Everything but the live daemon: --check-config, --print-config, --replay and a log: for a bus.
-/// True: done, with *status.
+/// Does everything except running the daemon: --check-config, --print-config, --replay, and a log:
+/// as bus. True: done, with *status.
 static bool ends_here(const arguments* args, int* status)
 {
     char error[CONFIG_ERROR_SIZE];
@@ -143,7 +143,7 @@ static bool ends_here(const arguments* args, int* status)
     return ends;
 }
 
-/// Each bus by itself: what is wrong with one is told whether another is there now or not.
+/// Checks one bus by itself, so that a missing bus does not hide the errors of another one.
 static int check_bus(const arguments* args, const config* config, const char* url,
                      char error[CONFIG_ERROR_SIZE])
 {
@@ -155,7 +155,7 @@ static int check_bus(const arguments* args, const config* config, const char* ur
         return EXIT_CONFIG;
     }
     if (result != TRANSPORT_OK) {
-        fprintf(stderr, "%s:bus: warning: not there now: %s\n", args->config_path, error);
+        fprintf(stderr, "%s:bus: warning: not available now: %s\n", args->config_path, error);
     }
     if (transport_exposed(url, options, error, CONFIG_ERROR_SIZE)) {
         fprintf(stderr, "%s:bus: warning: %s\n", args->config_path, error);
@@ -169,30 +169,30 @@ static int check_bus(const arguments* args, const config* config, const char* ur
     return 0;
 }
 
-/// Vehicles have one number on all buses: who can speak on one of them can speak for those of
-/// another, however well that one is guarded, as long as their own states are not heard.
+/// Vehicles have the same ids on all buses. A stranger on an open bus can therefore send states for
+/// a vehicle of a secured bus, while the states of that vehicle itself are missing.
 static void check_beside(const arguments* args, const config* config)
 {
     const transport_options* options = &config->bus_options.transport;
     const char* open = NULL;
-    const char* guarded = NULL;
+    const char* secured = NULL;
     for (uint32_t i = 0; i < config->bus_count; i++) {
         char words[CONFIG_ERROR_SIZE];
         if (transport_exposed(config->bus[i], options, words, sizeof words)) {
             open = config->bus[i];
         } else if (transport_secured(config->bus[i], options)) {
-            guarded = config->bus[i];
+            secured = config->bus[i];
         }
     }
-    if (open != NULL && guarded != NULL) {
-        fprintf(stderr, "%s:bus: warning: %s, which strangers can reach, stands beside %s, which "
-                "is secured: on the first they can speak for a vehicle of the second; secure both "
-                "or leave the first out\n", args->config_path, open, guarded);
+    if (open != NULL && secured != NULL) {
+        fprintf(stderr, "%s:bus: warning: strangers can reach %s, and can send states there for a "
+                "vehicle of %s, which is secured; secure both buses or remove the first\n",
+                args->config_path, open, secured);
     }
 }
 
-/// Builds the planner and knocks at the bus: what can only be told wrong by trying. A bus that is
-/// not there now is no error of the configuration, but worth a warning.
+/// Builds the planner and opens the buses, because some errors only show then. A bus that is not
+/// available now is not an error of the configuration, but causes a warning.
 static int check(const arguments* args, const config* config)
 {
     char error[CONFIG_ERROR_SIZE];

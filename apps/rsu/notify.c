@@ -25,7 +25,7 @@ bool notify_open(notify* self)
     }
     self->address.sun_family = AF_UNIX;
     memcpy(self->address.sun_path, name, length);
-    // An abstract name begins with a zero byte and ends with the address, not with one.
+    // An abstract name begins with a zero byte and has none at its end.
     const bool abstract = name[0] == '@';
     if (abstract) {
         self->address.sun_path[0] = '\0';
@@ -36,7 +36,7 @@ bool notify_open(notify* self)
     return self->fd >= 0;
 }
 
-/// The manager's patience, where it is this process that is watched.
+/// [us] The watchdog's period if it watches this process, else 0.
 static int64_t watchdog_of_environment(void)
 {
     const char* usec = getenv("WATCHDOG_USEC");
@@ -64,16 +64,16 @@ void notify_send(const notify* self, const char* lines)
     }
     const ssize_t ignored = sendto(self->fd, lines, strlen(lines), MSG_NOSIGNAL,
                                    (const struct sockaddr*)&self->address, self->address_size);
-    (void)ignored; // a manager that does not listen is not our trouble
+    (void)ignored; // a manager that does not listen is no fault of ours
 }
 
 void notify_status(notify* self, const char* text)
 {
-    char line[sizeof self->told + 8];
-    if (strcmp(text, self->told) == 0) {
+    char line[sizeof self->status + 8];
+    if (strcmp(text, self->status) == 0) {
         return;
     }
-    snprintf(self->told, sizeof self->told, "%s", text);
-    snprintf(line, sizeof line, "STATUS=%s", self->told);
+    snprintf(self->status, sizeof self->status, "%s", text);
+    snprintf(line, sizeof line, "STATUS=%s", self->status);
     notify_send(self, line);
 }

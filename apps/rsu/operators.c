@@ -67,11 +67,12 @@ static bool on_reload(const operators_def* def, uint64_t* ticket, text* answer)
     return true;
 }
 
-/// verge-ctl asks: one word, one line of JSON back. The answer to `reload` takes as long as that.
+/// A request of verge-ctl is one word, the answer one line of JSON. `reload` is answered when the
+/// reload is over.
 static bool on_control(void* context, const char* request, uint64_t* ticket, text* answer)
 {
     const operators_def* def = &((operators*)context)->def;
-    const operators_view view = def->look(def->context);
+    const operators_view view = def->view(def->context);
     const char* word = request != NULL ? request : "";
     if (strcmp(word, "status") == 0) {
         report_status(answer, view.config, &view.status, &view.details);
@@ -88,7 +89,7 @@ static bool on_control(void* context, const char* request, uint64_t* ticket, tex
     return true;
 }
 
-/// Prometheus asks, by HTTP. There is one page.
+/// A request of Prometheus, by HTTP. There is one page.
 static bool on_scrape(void* context, const char* request, uint64_t* ticket, text* answer)
 {
     (void)ticket;
@@ -105,7 +106,7 @@ static bool on_scrape(void* context, const char* request, uint64_t* ticket, text
              : get             ? "404 Not Found"
                                : "405 Method Not Allowed");
     if (here) {
-        const operators_view view = def->look(def->context);
+        const operators_view view = def->view(def->context);
         report_metrics(answer, &view.status, &view.details, view.cycle, &view.bus);
     }
     return true;
@@ -117,13 +118,13 @@ void operators_write(operators* self)
     if (self->metrics_file[0] == '\0') {
         return;
     }
-    const operators_view view = self->def.look(self->def.context);
+    const operators_view view = self->def.view(self->def.context);
     text out = text_in(buffer, sizeof buffer);
     report_metrics(&out, &view.status, &view.details, view.cycle, &view.bus);
-    const int trouble = replace_file(self->metrics_file, out.bytes, out.size);
-    if (trouble != 0 && trouble != self->metrics_trouble) { // told when it changes
+    const int error = replace_file(self->metrics_file, out.bytes, out.size);
+    if (error != 0 && error != self->metrics_error) { // logged when it changes
         log_event(LOG_WARNING, "metrics_failed", "file=\"%s\" error=\"%s\"", self->metrics_file,
-                  strerror(trouble));
+                  strerror(error));
     }
-    self->metrics_trouble = trouble;
+    self->metrics_error = error;
 }

@@ -1,7 +1,7 @@
-/// The daemon's doors for people and their programs: verge-ctl's socket, Prometheus's port and
-/// file. Who answers what is here, what is answered in report.h, how in server.h.
+/// What serves operators: the control socket for verge-ctl, and the port and the file of metrics
+/// for Prometheus. This file finds the answer to a request; report.h formats it, server.h sends it.
 ///
-/// Memory      operators_open() allocates all there is.
+/// Memory      operators_open() allocates everything.
 /// Threads     The main one.
 #ifndef VERGE_RSU_OPERATORS_H
 #define VERGE_RSU_OPERATORS_H
@@ -14,7 +14,7 @@
 
 enum { OPERATORS_ENDS = 2 * SERVER_ENDS };
 
-/// What there is to see just now.
+/// The present values.
 typedef struct operators_view {
     const config*      config;
     const cycle*       cycle;
@@ -23,22 +23,22 @@ typedef struct operators_view {
     transport_stats    bus;
 } operators_view;
 
-/// What operators may look at and ask for.
+/// What the answers are made from.
 typedef struct operators_def {
     void*          context;
-    operators_view (*look)(void* context);
-    /// *ticket 0: asks for a reload, and gives it a ticket. Else what came of that one; where it
-    /// was refused, *reason says why.
+    operators_view (*view)(void* context);
+    /// *ticket 0: begins a reload and sets its ticket. Returns its result so far; if it was
+    /// refused, *reason says why.
     reload_result  (*reload)(void* context, uint64_t* ticket, const char** reason);
 } operators_def;
 
-/// All zero: nobody is served.
+/// All zero: nothing is served.
 typedef struct operators {
     operators_def def;
-    server* control;       ///< null: not asked for
-    server* metrics;       ///< null: not asked for
-    char    metrics_file[SERVICE_FILE_SIZE]; ///< "": not asked for
-    int     metrics_trouble; ///< errno of the last time the file was written
+    server* control;       ///< null: none configured
+    server* metrics;       ///< null: none configured
+    char    metrics_file[SERVICE_FILE_SIZE]; ///< "": none configured
+    int     metrics_error; ///< errno of the last time the file was written; 0: it was written
 } operators;
 
 /// Returns 0, or EXIT_OS with a line in error. self must not move afterwards.
@@ -46,11 +46,11 @@ int  operators_open(operators* self, const service* service, const operators_def
                     char error[CONFIG_ERROR_SIZE]);
 void operators_close(operators* self);
 
-/// Fills in what to poll for, at most OPERATORS_ENDS; returns how many.
+/// Fills in the descriptors to poll, at most OPERATORS_ENDS; returns how many.
 uint32_t operators_ends(const operators* self, struct pollfd* ends);
-/// Whatever is possible without waiting. now [us] of a clock that never steps back.
+/// Reads and answers as far as possible without waiting. now [us] of a clock that never steps back.
 void operators_serve(operators* self, int64_t now);
-/// Replaces the file of figures.
+/// Replaces the file of metrics.
 void operators_write(operators* self);
 
 #endif

@@ -1,5 +1,5 @@
-/// See outlet.h. A ring of bytes: each record follows its size. The thread copies a record out and
-/// writes it without the lock, so that whoever puts waits for no more than a copy.
+/// See outlet.h. A ring of bytes, in which each record follows its size. The thread copies a record
+/// and writes it without the lock, so that outlet_put() waits for a copy at most.
 #define _GNU_SOURCE
 #include "outlet.h"
 
@@ -16,16 +16,16 @@ struct outlet {
     outlet_def      def;
     pthread_t       thread;
     pthread_mutex_t lock;
-    pthread_cond_t  more;   // something to write, or closing
-    pthread_cond_t  ended;  // the thread is about to return
+    pthread_cond_t  more;   // there is a record, or closing is set
+    pthread_cond_t  ended;  // over is set
     size_t          first;  // [B] where the oldest record begins in the ring
     size_t          used;   // [B]
     bool            writing;
     bool            closing;
     bool            over;
-    bool            abandoned; // nobody waits for the thread: it frees everything
+    bool            abandoned; // outlet_close() has given up: the thread frees everything
     atomic_uint_fast64_t dropped;
-    char*           record; // the one that is being written
+    char*           record; // that is being written
     char            ring[];
 };
 

@@ -1,18 +1,18 @@
-/// See overrun.h. A point mass that turns parallel to its lane within a second while it brakes,
-/// moved by the trapezoidal rule.
+/// See overrun.h. A point mass, moved by the trapezoidal rule, that turns parallel to its lane
+/// within one second while it brakes.
 #include "overrun.h"
 
 #include <math.h>
 
 /// [m/s^3] comfort_jerk of the planner's defaults.
 #define JERK 4.0
-/// [s] in which a heading across the lane is turned along it.
+/// [s] until the heading is that of the lane.
 #define ALIGN_S 1.0
 
 typedef struct motion {
     verge_lane_position on;  // lane_id VERGE_NO_LANE: straight ahead
     double x, y, heading;
-    double skew;             // [rad] across the lane, at the start
+    double skew;             // [rad] heading relative to the lane, at the start
     double t, speed, acceleration;
 } motion;
 
@@ -50,9 +50,9 @@ verge_vehicle_plan_t overrun_brake(const wire_plan_header* header, const verge_v
         };
         const motion before = self;
         advance(&self, road, now->target_lane);
-        const double way = hypot(self.x - before.x, self.y - before.y);
-        const bool   rolls = way > 0.5 * VERGE_SPEED_SLOW * OVERRUN_DT_MS * 1e-3;
-        point->curvature = rolls ? (float)(wrap(self.heading - before.heading) / way) : 0.0f;
+        const double distance = hypot(self.x - before.x, self.y - before.y);
+        const bool   rolls = distance > 0.5 * VERGE_SPEED_SLOW * OVERRUN_DT_MS * 1e-3;
+        point->curvature = rolls ? (float)(wrap(self.heading - before.heading) / distance) : 0.0f;
     }
     plan.action_count = 1;
     plan.actions[0] = (verge_plan_action_t){
@@ -70,24 +70,24 @@ static double wrap(double angle)
     return remainder(angle, 2.0 * 3.14159265358979323846);
 }
 
-/// One point on.
+/// Moves to the next point.
 static void advance(motion* self, const verge_road* road, int32_t target_lane)
 {
     const double dt = OVERRUN_DT_MS * 1e-3;
     const double braking = fmax(fmin(self->acceleration, 0.0) - JERK * dt, -OVERRUN_BRAKING);
     const double speed = fmax(self->speed + braking * dt, 0.0);
-    const double way = 0.5 * (self->speed + speed) * dt;
+    const double distance = 0.5 * (self->speed + speed) * dt;
     const double skew = self->skew * fmax(1.0 - (self->t + 0.5 * dt) / ALIGN_S, 0.0);
     self->acceleration = speed > 0.0 ? braking : 0.0;
     self->speed = speed;
     self->t += dt;
     if (self->on.lane_id == VERGE_NO_LANE) {
-        self->x += way * cos(self->heading);
-        self->y += way * sin(self->heading);
+        self->x += distance * cos(self->heading);
+        self->y += distance * sin(self->heading);
         return;
     }
-    self->on.s += way * cos(skew);
-    self->on.d += way * sin(skew);
+    self->on.s += distance * cos(skew);
+    self->on.d += distance * sin(skew);
     const double  length = verge_road_length(road, self->on.lane_id);
     const int32_t next = verge_road_next(road, self->on.lane_id, target_lane);
     if (self->on.s > length && next != VERGE_NO_LANE) {

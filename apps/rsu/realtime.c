@@ -8,11 +8,11 @@
 #include <sys/mman.h>
 
 /// [B] More than the main thread ever uses of its stack, and half of what the unit allows
-/// (LimitSTACK=256K): arguments and environment lie there, too.
+/// (LimitSTACK=256K), because arguments and environment are on the stack, too.
 enum { MAIN_STACK = 128 << 10 };
-/// [B] Blocks from this size on, a planner's above all, are mappings of their own and go back to
-/// the system when they are freed: left to itself glibc puts them into the heap, where reloads
-/// while others allocate, too, left a hundred megabytes of holes.
+/// [B] Blocks of this size and more, such as a planner's memory, get mappings of their own, which
+/// return to the system when they are freed. By default glibc puts them into the heap, which
+/// reloads fragmented by a hundred megabytes.
 enum { MAPPED_SIZE = 1 << 20 };
 
 void realtime_prepare(const service* service)
@@ -24,7 +24,7 @@ void realtime_prepare(const service* service)
     }
 }
 
-/// The main thread's stack grows as it is used, unlike the others: use it once.
+/// Unlike other stacks, that of the main thread grows on first use. This uses it once.
 __attribute__((noinline)) static void touch_stack(void)
 {
     volatile char stack[MAIN_STACK];

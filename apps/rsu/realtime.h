@@ -1,6 +1,6 @@
-/// What the daemon asks of the system so that planning is not kept waiting: a priority and
-/// processors for the planning threads (given where they are started, see thread.h), and memory
-/// that stays where it is. What the system refuses ends the start, with the reason and the remedy.
+/// What keeps planning on time: a priority and processors for the planning threads (set where they
+/// are started, see thread.h), and memory that is never paged out. If the system refuses one of
+/// them, the daemon does not start and prints the reason and the remedy.
 #ifndef VERGE_RSU_REALTIME_H
 #define VERGE_RSU_REALTIME_H
 
@@ -8,11 +8,11 @@
 
 #include <stddef.h>
 
-/// Before the first thread and the first large block: large blocks go back to the system when they
-/// are freed. With lock_memory: one heap for all threads, which gives nothing back.
+/// To be called before the first thread and the first large block. Large blocks then return to the
+/// system when they are freed. With lock_memory all threads share one heap, which keeps its memory.
 void realtime_prepare(const service* service);
 
-/// Once everything is built: all memory of the process, now and later, is resident and stays so.
+/// To be called when everything is built: keeps all memory of the process resident, now and later.
 /// Does nothing unless lock_memory. False: one line in error.
 bool realtime_lock(const service* service, char* error, size_t size);
 

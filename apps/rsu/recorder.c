@@ -1,4 +1,5 @@
-/// See recorder.h. What waits is the beginning of a transport_message, as far as its kind fills it.
+/// See recorder.h. A queued record is the used part of a transport_message, which depends on its
+/// kind.
 #include "recorder.h"
 
 #include "outlet.h"
@@ -84,7 +85,7 @@ void recorder_put(recorder* self, int64_t utime, const transport_message* messag
     outlet_put(self->queue, &record, size);
 }
 
-/// In the outlet's thread. The log counts the events that it loses.
+/// In the thread of the outlet. The log counts the events that it loses.
 static bool write_event(void* context, const void* record, size_t size)
 {
     recorder* self = context;
@@ -100,7 +101,7 @@ static bool write_event(void* context, const void* record, size_t size)
     return true;
 }
 
-/// What the log still holds is written now, which may wait as well.
+/// Writes the last events of the log, which may block as well.
 static void close_log(void* context)
 {
     recorder* self = context;

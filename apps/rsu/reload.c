@@ -1,5 +1,5 @@
-/// See reload.h. One job of the worker at a time: it prepares `next`, or frees `old`. What belongs
-/// to the job is left alone by the main thread until the worker is collected.
+/// See reload.h. The worker has one job at a time: it prepares `next`, or frees `old`. The main
+/// thread does not touch the data of the job until the worker is collected.
 #include "reload.h"
 
 #include "realtime.h"
@@ -10,10 +10,10 @@
 #include <errno.h>
 #include <string.h>
 
-/// [us] for a recording whose reader is slow.
+/// [us] For the last events of a recording.
 enum { RECORD_PATIENCE_US = 5000000 };
 
-/// Starts the helpers a configuration asks for. Returns 0, or EXIT_OS with a line in error.
+/// Starts the helpers of a configuration. Returns 0, or EXIT_OS with a line in error.
 static int pool_start(executor** pool, const config* config, char error[CONFIG_ERROR_SIZE])
 {
     const uint32_t threads = config->planner.threads;
@@ -149,7 +149,7 @@ bool reloader_settled(const reloader* self)
 
 // ---- the reload's thread --------------------------------------------------------------------
 
-/// Everything that is needed to follow `now`. Buses are opened only where they differ.
+/// Makes everything that the next configuration needs. Buses are opened only if they differ.
 static int prepare(setup* next, const reloader_def* def, char error[CONFIG_ERROR_SIZE])
 {
     const config* now = def->now->config;

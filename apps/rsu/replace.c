@@ -14,7 +14,7 @@ int replace_file(const char* path, const char* bytes, size_t size)
     if (length < 0 || (size_t)length >= sizeof partial) {
         return ENAMETOOLONG;
     }
-    // Always a new file: neither another one's target nor a FIFO, which would wait for a reader.
+    // Always a new file: never the target of a link, nor a FIFO, which would wait for a reader.
     unlink(partial);
     const int fd = open(partial, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
     if (fd < 0) {

@@ -1,11 +1,11 @@
-/// A small file that is replaced as a whole, so that whoever reads it never sees a half.
+/// Replaces a small file as a whole: a reader gets the old or the new content, never a part.
 #ifndef VERGE_RSU_REPLACE_H
 #define VERGE_RSU_REPLACE_H
 
 #include <stddef.h>
 
-/// Writes PATH.tmp and moves it to PATH, mode 0644. Returns 0 or an errno; then nothing is left of
-/// the new one. Nothing allocates. The file is not forced to the disk: it tells of now.
+/// Writes PATH.tmp and renames it to PATH, mode 0644. Returns 0 or an errno; then PATH.tmp is
+/// removed. Nothing allocates. The file is not synced to the disk.
 int replace_file(const char* path, const char* bytes, size_t size);
 
 #endif

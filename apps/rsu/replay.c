@@ -13,12 +13,12 @@ typedef struct replay {
     const replay_options* options;
     replay_report* report;
     transport*     record;
-    bool           marked;       // the log is the daemon's own
+    bool           marked;       // a log of the daemon, with marks
     int64_t        period_us;
     int64_t        next_utime;   // of an unmarked log: the next cycle; 0: none yet
     int64_t        next_number;
-    bool           ran;          // some cycle was planned
-    uint32_t       beside;       // recorded plans seen of the last cycle
+    bool           ran;          // at least one cycle was planned
+    uint32_t       recorded;     // plans of the last cycle that the log had
     bool           done;
     cycle          cycle;
     transport_message batch[BATCH];
@@ -68,7 +68,7 @@ int replay_run(const replay_options* options, const config* config, replay_repor
     return code;
 }
 
-/// Does the log hold a cycle mark? Then its marks, not the clock, say when cycles were.
+/// Has the log a cycle mark? Then its marks give the instants of the cycles, not its clock.
 static int has_marks(const char* url, bool* marked, char* error)
 {
     transport* log = NULL;
@@ -132,7 +132,7 @@ static void run_through(replay* self, transport* log)
 
 static void on_state(replay* self, const transport_message* message)
 {
-    // Instants beyond these do not occur in logs of this world, and would overflow sums.
+    // Other instants do not occur in real logs, and sums with them would overflow.
     if (message->arrival_utime <= 0 || message->arrival_utime > INT64_MAX / 4) {
         return;
     }
@@ -150,14 +150,14 @@ static int64_t multiple_from(int64_t utime, int64_t period_us)
     return (utime + period_us - 1) / period_us * period_us;
 }
 
-/// Plans the cycles due before something that arrives at utime.
+/// Plans the cycles that are due before utime.
 static void run_cycles_until(replay* self, int64_t utime)
 {
     if (self->next_utime == 0) {
         self->next_utime = multiple_from(utime, self->period_us);
     }
     while (!self->done && self->next_utime < utime) {
-        const bool empty = self->cycle.view.count == 0 && self->cycle.planned_count == 0;
+        const bool empty = self->cycle.view.count == 0 && self->cycle.valid_count == 0;
         if (self->ran && empty && utime - self->next_utime > REPLAY_GAP_US) {
             self->next_utime = multiple_from(utime, self->period_us);
             return;
@@ -167,7 +167,7 @@ static void run_cycles_until(replay* self, int64_t utime)
     }
 }
 
-static void tell_difference(replay* self, uint64_t recorded_digest, bool count_differs)
+static void report_difference(replay* self, uint64_t recorded_digest, bool count_differs)
 {
     replay_report* report = self->report;
     if (report->differs) {
@@ -184,26 +184,26 @@ static void tell_difference(replay* self, uint64_t recorded_digest, bool count_d
 static void on_mark(replay* self, const transport_mark* mark)
 {
     if (mark->overrun != 0) {
-        return; // tells that the cycle was late; what was planned is the same
+        return; // the cycle was late, which does not change its plan
     }
-    // The plans of the cycle before have all passed by now.
-    if (self->ran && self->beside != self->cycle.plan.vehicle_count) {
-        tell_difference(self, 0, true);
+    // All plans of the cycle before have been read by now.
+    if (self->ran && self->recorded != self->cycle.plan.vehicle_count) {
+        report_difference(self, 0, true);
     }
     run_cycle(self, mark->cycle, mark->utime);
 }
 
 static void on_plan(replay* self, const verge_vehicle_plan_t* plan)
 {
-    // What went out at an overrun is no plan of its own.
+    // A message of an overrun is part of an older plan, or a fallback.
     if (!self->ran || plan->status == VERGE_CANCELLED || plan->reason == VERGE_REASON_OVERRUN ||
         plan->cycle != (int32_t)(self->cycle.number & INT32_MAX)) {
         return;
     }
-    self->report->compared += self->beside == 0 ? 1 : 0;
-    self->beside++;
+    self->report->compared += self->recorded == 0 ? 1 : 0;
+    self->recorded++;
     if ((uint64_t)plan->digest != self->cycle.plan.digest) {
-        tell_difference(self, (uint64_t)plan->digest, false);
+        report_difference(self, (uint64_t)plan->digest, false);
     }
 }
 
@@ -215,7 +215,7 @@ static void run_cycle(replay* self, int64_t number, int64_t utime)
 {
     cycle_run(&self->cycle, number, utime);
     self->ran = true;
-    self->beside = 0;
+    self->recorded = 0;
     self->report->cycles++;
     if (self->options->out != NULL) {
         fprintf(self->options->out,

@@ -28,12 +28,12 @@ void report_status(text* out, const config* config, const verge_rsu_status_t* st
     text_add(out, "}\n");
 }
 
-/// The plan in force of a vehicle; null: none.
+/// The valid plan of a vehicle; null: none.
 static const verge_vehicle_plan_t* plan_of(const cycle* cycle, int32_t vehicle_id)
 {
-    for (uint32_t i = 0; i < cycle->planned_count; i++) {
-        if (cycle->in_force[i].vehicle_id == vehicle_id) {
-            return &cycle->in_force[i];
+    for (uint32_t i = 0; i < cycle->valid_count; i++) {
+        if (cycle->valid_plans[i].vehicle_id == vehicle_id) {
+            return &cycle->valid_plans[i];
         }
     }
     return NULL;
@@ -79,9 +79,9 @@ void report_vehicles(text* out, const cycle* cycle)
 void report_plans(text* out, const cycle* cycle)
 {
     text_add(out, "{\"plans\":[");
-    for (uint32_t i = 0; i < cycle->planned_count; i++) {
+    for (uint32_t i = 0; i < cycle->valid_count; i++) {
         text_add(out, "%s", i > 0 ? "," : "");
-        message_json(out, TRANSPORT_PLAN, &cycle->in_force[i]);
+        message_json(out, TRANSPORT_PLAN, &cycle->valid_plans[i]);
     }
     text_add(out, "]}\n");
 }
@@ -138,18 +138,18 @@ static void add_received(text* out, const verge_rsu_status_t* status)
         { "id_conflict", status->rx_id_conflict },
         { "dropped", status->rx_dropped },
     };
-    head(out, "verge_rx_total", "counter", "Vehicle states received, by what became of them.");
+    head(out, "verge_rx_total", "counter", "Vehicle states received, by result.");
     for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         text_add(out, "verge_rx_total{result=\"%s\"} %" PRId32 "\n", rows[i].result,
                  rows[i].count);
     }
 }
 
-/// Those of a signed or fenced lcm: bus; they are among the malformed, too.
+/// Only lcm: buses with keys or an allow list have these; malformed counts them, too.
 static void add_strangers(text* out, const transport_stats* bus)
 {
     head(out, "verge_strangers_total", "counter",
-         "Messages refused for their sender, by what was wrong; malformed counts them, too.");
+         "Messages refused because of their sender, by reason; malformed counts them, too.");
     for (int i = TRANSPORT_ADMITTED + 1; i < TRANSPORT_REFUSALS; i++) {
         text_add(out, "verge_strangers_total{reason=\"%s\"} %" PRIu64 "\n",
                  transport_refusal_name((transport_refusal)i), bus->refused[i]);
@@ -158,7 +158,7 @@ static void add_strangers(text* out, const transport_stats* bus)
 
 static void add_arena(text* out, const verge_rsu_status_t* status)
 {
-    head(out, "verge_arena_bytes", "gauge", "The planner's memory: its size, and the most in use.");
+    head(out, "verge_arena_bytes", "gauge", "The planner's memory: its size, and the peak.");
     text_add(out, "verge_arena_bytes{stat=\"size\"} %" PRId64 "\n"
              "verge_arena_bytes{stat=\"peak\"} %" PRId64 "\n", status->arena_size_bytes,
              status->arena_peak_bytes);
@@ -167,7 +167,7 @@ static void add_arena(text* out, const verge_rsu_status_t* status)
 void report_metrics(text* out, const verge_rsu_status_t* status, const report_details* details,
                     const cycle* cycle, const transport_stats* bus)
 {
-    head(out, "verge_build_info", "gauge", "Always 1; the labels tell version and configuration.");
+    head(out, "verge_build_info", "gauge", "Always 1; the labels give version and configuration.");
     text_add(out, "verge_build_info{version=\"%s\",rsu_id=\"%" PRId32 "\",map_crc32=\"%08" PRIx32
              "\",config_crc32=\"%08" PRIx32 "\"} 1\n", VERGE_VERSION_STRING, status->rsu_id,
              (uint32_t)status->map_crc32, (uint32_t)status->config_crc32);
@@ -182,16 +182,17 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const report_de
            (int64_t)cycle->number + 1);
     single(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",
            status->vehicles_seen);
-    single(out, "verge_vehicles_controlled", "gauge", "Of them, planned for.",
+    single(out, "verge_vehicles_controlled", "gauge", "Of the vehicles seen, those planned.",
            status->vehicles_controlled);
     add_cycle_times(out, status);
     single(out, "verge_deadline_misses_total", "counter",
-           "Ticks that found the planner still at work.", status->deadline_misses);
-    single(out, "verge_plans_sent_total", "counter", "Plans sent, cancellations not counted.",
+           "Ticks at which the planner was still running.", status->deadline_misses);
+    single(out, "verge_plans_sent_total", "counter", "Plans sent, without cancellations.",
            status->plans_sent);
-    single(out, "verge_fallbacks_total", "counter", "Of them, fallbacks.", status->fallbacks);
+    single(out, "verge_fallbacks_total", "counter", "Of the plans sent, fallbacks.",
+           status->fallbacks);
     single(out, "verge_overruns_total", "counter",
-           "Of the plans sent, those that went out in place of a late one.",
+           "Of the plans sent, those that replaced a late one.",
            (int64_t)cycle->counters.overruns);
     single(out, "verge_log_dropped_total", "counter",
            "Lines of the log that were lost: it was not read, or could not be written.",
@@ -202,6 +203,6 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const report_de
     add_received(out, status);
     add_strangers(out, bus);
     add_arena(out, status);
-    single(out, "verge_nodes_peak", "gauge", "Most nodes of the search tree.",
+    single(out, "verge_nodes_peak", "gauge", "The most nodes that the search tree had.",
            status->nodes_peak);
 }

@@ -1,8 +1,8 @@
-/// What operators are told, in their programs' formats: JSON for verge-ctl, Prometheus's text for
-/// whoever collects figures. The numbers are those of the status message.
+/// The answers for operators: JSON for verge-ctl, the text format of Prometheus for metrics. The
+/// numbers are those of the status message.
 ///
-/// Memory      None but the text's. Nothing here changes what it looks at; cycle_plan() may be
-///             under way in another thread.
+/// Memory      Only that of the text.
+/// Threads     Everything is only read; cycle_plan() may be running in another thread.
 #ifndef VERGE_RSU_REPORT_H
 #define VERGE_RSU_REPORT_H
 
@@ -12,7 +12,7 @@
 
 #include "common/text.h"
 
-/// [B] Room for the largest: the plans of VERGE_CONTROLLED_MAX vehicles.
+/// [B] Enough for the largest answer: the plans of VERGE_CONTROLLED_MAX vehicles.
 enum { REPORT_SIZE = 256 << 10, REPORT_METRICS_SIZE = 8 << 10 };
 
 /// What the status message has no field for.
@@ -26,9 +26,9 @@ typedef struct report_details {
 /// "record_dropped":…, "status":{the message}}. The faults are ordered, the worst first.
 void report_status(text* out, const config* config, const verge_rsu_status_t* status,
                    const report_details* details);
-/// {"utime":…, "vehicles":[…]}: who took part in the last cycle, at its instant.
+/// {"utime":…, "vehicles":[…]}: the vehicles of the last cycle, at its instant.
 void report_vehicles(text* out, const cycle* cycle);
-/// {"plans":[…]}: the messages in force.
+/// {"plans":[…]}: the plans that are valid.
 void report_plans(text* out, const cycle* cycle);
 
 void report_metrics(text* out, const verge_rsu_status_t* status, const report_details* details,

@@ -1,4 +1,4 @@
-/// See server.h. A client first asks, then waits where its answer takes time, then is answered.
+/// See server.h. A client sends its request, waits until the answer is ready, and receives it.
 #define _GNU_SOURCE
 #include "server.h"
 
@@ -10,7 +10,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-enum { REST_MAX = 64 }; // pieces of a request that nobody reads: who sends more is cut off
+enum { REST_MAX = 64 }; // reads of what follows a request; of more the client loses its answer
 
 typedef enum client_state { ASKING, WAITING, ANSWERED } client_state;
 
@@ -18,10 +18,10 @@ typedef struct client {
     int      fd;     // -1: free
     int64_t  until;  // [us]
     client_state state;
-    bool     garbled; // the request is too long or not a text
-    uint64_t ticket; // of whoever answers
-    size_t   size;   // of what was read of the request
-    size_t   sent;   // of the answer
+    bool     invalid; // the request is too long or not a text
+    uint64_t ticket; // of server_def.answer()
+    size_t   size;   // [B] of the request, read so far
+    size_t   sent;   // [B] of the answer
     char     request[SERVER_REQUEST];
     text     answer; // in a buffer of its own
 } client;
@@ -29,7 +29,7 @@ typedef struct client {
 struct server {
     server_def def;
     int        fd;
-    char       path[sizeof ((struct sockaddr_un*)0)->sun_path]; // "": not ours to remove
+    char       path[sizeof ((struct sockaddr_un*)0)->sun_path]; // of the file to remove; "": none
     client     clients[SERVER_CLIENTS];
 };
 
@@ -47,7 +47,7 @@ bool server_open_unix(server** opened, const server_def* def, const char* path, 
         return false;
     }
     server* self = server_new(def, AF_UNIX);
-    // Nobody gets in before the mode is what it shall be.
+    // No client can connect before the mode is set.
     if (self == NULL || fchmod(self->fd, 0600) != 0 ||
         !listen_at(self, (const struct sockaddr*)&address, sizeof address)) {
         snprintf(error, error_size, "%s: the system refused a socket there (%s), expected a "
@@ -100,15 +100,15 @@ static bool listen_at(server* self, const struct sockaddr* address, socklen_t si
     return bind(self->fd, address, size) == 0 && listen(self->fd, SERVER_CLIENTS) == 0;
 }
 
-/// True: nothing is at the path any more, or never was.
+/// True: there is no file at the path now.
 static bool clear_path(const struct sockaddr_un* address, char* error, size_t error_size)
 {
     struct stat facts;
     if (lstat(address->sun_path, &facts) != 0) {
-        return true; // where the folder is missing, too, bind() says so
+        return true; // if the folder is missing, bind() fails
     }
     if (!S_ISSOCK(facts.st_mode)) {
-        snprintf(error, error_size, "%s: is there and is no socket, expected a free name",
+        snprintf(error, error_size, "%s: is a file but no socket, expected a free name",
                  address->sun_path);
         return false;
     }
@@ -146,11 +146,11 @@ void server_close(server* self)
 
 // ---- serving ------------------------------------------------------------------------------
 
-static void welcome(server* self, client* client, int64_t now);
-static bool attend(server* self, client* client, int64_t now);
-static bool hear(server* self, client* client);
-static bool answer(server* self, client* client, int64_t now);
-static bool deliver(client* client);
+static void accept_client(server* self, client* client, int64_t now);
+static bool serve_client(server* self, client* client, int64_t now);
+static bool read_request(server* self, client* client);
+static bool make_answer(server* self, client* client, int64_t now);
+static bool send_answer(client* client);
 
 uint32_t server_ends(const server* self, struct pollfd* ends)
 {
@@ -163,11 +163,11 @@ uint32_t server_ends(const server* self, struct pollfd* ends)
         if (client->fd >= 0) {
             const short events = client->state == ASKING     ? POLLIN
                                  : client->state == ANSWERED ? POLLOUT
-                                                             : 0; // its end alone
+                                                             : 0; // only its end
             ends[count++] = (struct pollfd){ .fd = client->fd, .events = events };
         }
     }
-    if (count < SERVER_CLIENTS) { // else newcomers wait in the system's queue
+    if (count < SERVER_CLIENTS) { // else new clients wait in the queue of the system
         ends[count++] = (struct pollfd){ .fd = self->fd, .events = POLLIN };
     }
     return count;
@@ -178,35 +178,35 @@ void server_serve(server* self, int64_t now)
     for (uint32_t i = 0; self != NULL && i < SERVER_CLIENTS; i++) {
         client* client = &self->clients[i];
         if (client->fd < 0) {
-            welcome(self, client, now);
+            accept_client(self, client, now);
         }
-        if (client->fd >= 0 && (!attend(self, client, now) || now > client->until)) {
+        if (client->fd >= 0 && (!serve_client(self, client, now) || now > client->until)) {
             close(client->fd);
             client->fd = -1;
         }
     }
 }
 
-static void welcome(server* self, client* client, int64_t now)
+static void accept_client(server* self, client* client, int64_t now)
 {
     client->fd = accept4(self->fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
     client->until = now + SERVER_PATIENCE_US;
     client->state = ASKING;
-    client->garbled = false;
+    client->invalid = false;
     client->ticket = 0;
     client->size = client->sent = 0;
 }
 
-/// One client, as far as it goes without waiting. False: it is done, or gone.
-static bool attend(server* self, client* client, int64_t now)
+/// Serves one client as far as possible without waiting. False: it is done, or has disconnected.
+static bool serve_client(server* self, client* client, int64_t now)
 {
-    return (client->state != ASKING || hear(self, client)) &&
-           (client->state != WAITING || answer(self, client, now)) &&
-           (client->state != ANSWERED || deliver(client));
+    return (client->state != ASKING || read_request(self, client)) &&
+           (client->state != WAITING || make_answer(self, client, now)) &&
+           (client->state != ANSWERED || send_answer(client));
 }
 
-/// Reads, up to the end of the request. False: the client is gone.
-static bool hear(server* self, client* client)
+/// Reads up to the end of the request. False: the client has disconnected.
+static bool read_request(server* self, client* client)
 {
     const size_t  room = sizeof client->request - 1 - client->size;
     const ssize_t got = recv(client->fd, client->request + client->size, room, 0);
@@ -216,19 +216,19 @@ static bool hear(server* self, client* client)
     client->size += (size_t)got;
     client->request[client->size] = '\0';
     char* end = strstr(client->request, self->def.end);
-    client->garbled = end == NULL && (client->size + 1 == sizeof client->request ||
+    client->invalid = end == NULL && (client->size + 1 == sizeof client->request ||
                                       strlen(client->request) != client->size);
     if (end != NULL) {
         *end = '\0';
     }
-    client->state = end != NULL || client->garbled ? WAITING : ASKING;
+    client->state = end != NULL || client->invalid ? WAITING : ASKING;
     return true;
 }
 
-/// False: the client is gone, or its answer does not fit.
-static bool answer(server* self, client* client, int64_t now)
+/// False: the client has disconnected, or its answer does not fit.
+static bool make_answer(server* self, client* client, int64_t now)
 {
-    const char* request = client->garbled ? NULL : client->request;
+    const char* request = client->invalid ? NULL : client->request;
     client->answer = text_in(client->answer.bytes, client->answer.room);
     if (self->def.answer(self->def.context, request, &client->ticket, &client->answer)) {
         client->state = ANSWERED;
@@ -239,7 +239,7 @@ static bool answer(server* self, client* client, int64_t now)
     return poll(&end, 1, 0) == 0;
 }
 
-static bool deliver(client* client)
+static bool send_answer(client* client)
 {
     while (client->sent < client->answer.size) {
         const ssize_t sent = send(client->fd, client->answer.bytes + client->sent,
@@ -249,7 +249,7 @@ static bool deliver(client* client)
         }
         client->sent += (size_t)sent;
     }
-    // What is still unread would turn our closing into a reset.
+    // Closing with unread bytes would reset the connection before the answer has arrived.
     char rest[SERVER_REQUEST];
     shutdown(client->fd, SHUT_WR);
     for (int i = 0; i < REST_MAX && recv(client->fd, rest, sizeof rest, 0) > 0; i++) {

@@ -1,18 +1,18 @@
-/// Answers short requests on a socket without ever waiting for a client: verge-ctl's on a UNIX
-/// socket, Prometheus's on a loopback port.
+/// Answers short requests on a socket without ever waiting for a client: those of verge-ctl on a
+/// UNIX socket, those of Prometheus on a loopback port.
 ///
 ///     server_def def = { "\n", 65536, on_request, self };
 ///     server_open_unix(&server, &def, "/run/verge/rsu.sock", error, sizeof error);
-///     count += server_ends(server, ends + count);      // what to poll for
-///     server_serve(server, now);                       // whatever is possible just now
+///     count += server_ends(server, ends + count);      // the descriptors to poll
+///     server_serve(server, now);                       // as far as possible without waiting
 ///
-/// A request is all up to `end`; it gets one answer and the connection is closed. At most
-/// SERVER_CLIENTS at a time, others wait in the system's queue; each has SERVER_PATIENCE_US from
-/// connecting to having read its answer, not counting the time until there is one, and
-/// SERVER_REQUEST bytes to ask.
+/// A request is all bytes up to `end`. It gets one answer, then the connection is closed. At most
+/// SERVER_CLIENTS are connected at a time, others wait in the queue of the system. A client is
+/// disconnected SERVER_PATIENCE_US after it has connected, not counting the time until its answer
+/// is ready, and if its request is longer than SERVER_REQUEST.
 ///
 /// Memory      server_open_*() allocate everything; nothing else does.
-/// Threads     One. Null is a server that serves nobody.
+/// Threads     One. Null is a server without clients.
 #ifndef VERGE_RSU_SERVER_H
 #define VERGE_RSU_SERVER_H
 
@@ -33,24 +33,26 @@ typedef struct server server;
 
 typedef struct server_def {
     const char* end;         ///< what ends a request
-    size_t      answer_size; ///< [B] room for an answer
-    /// request: ends with a zero byte instead of `end`; null: too long or not a text. An answer
-    /// that does not fit (answer->cut) is not sent. False: there is no answer yet, ask again at the
-    /// next server_serve(). *ticket is 0 when a request is first asked, and keeps what is put there.
+    size_t      answer_size; ///< [B] of the longest answer
+    /// Makes the answer to a request, which ends with a zero byte instead of `end`; null: it was
+    /// too long or not a text. An answer that does not fit (answer->cut) is not sent. False: there
+    /// is no answer yet, and the next server_serve() calls again. *ticket belongs to the callee; it
+    /// is 0 at the first call for a request.
     bool      (*answer)(void* context, const char* request, uint64_t* ticket, text* answer);
     void*       context;
 } server_def;
 
-/// A socket of mode 0660 at path. What a daemon that is gone left there is replaced; one that
-/// answers, or a file that is no socket, is not. False: *opened is null, one line in error.
+/// Opens a socket of mode 0660 at path. A socket that a dead daemon has left there is replaced; one
+/// that answers, and a file that is not a socket, is an error. False: *opened is null, one line in
+/// error.
 bool server_open_unix(server** opened, const server_def* def, const char* path, char* error,
                       size_t error_size);
 bool server_open_tcp(server** opened, const server_def* def, const struct sockaddr* address,
                      socklen_t size, char* error, size_t error_size);
-/// A UNIX socket's file is removed.
+/// Also removes the file of a UNIX socket.
 void server_close(server* self);
 
-/// Fills in at most SERVER_ENDS; returns how many.
+/// Fills in at most SERVER_ENDS descriptors to poll; returns how many.
 uint32_t server_ends(const server* self, struct pollfd* ends);
 /// now [us] of a clock that never steps back.
 void server_serve(server* self, int64_t now);

@@ -21,9 +21,9 @@ bool service_read(service* self, const json_at* of)
            read_metrics(self, of) && read_realtime(self, of) && read_log_format(self, of);
 }
 
-/// Where a path that need not exist yet leads: its folder as the system knows it, and its name. So
-/// the same text gives the same path before and after the file is made. To be freed.
-static char* settle(char* path)
+/// The canonical path of a file that may not exist yet: the real path of its folder, and its name.
+/// So the same text gives the same path before and after the file is created. To be freed.
+static char* resolve(char* path)
 {
     char* slash = path != NULL ? strrchr(path, '/') : NULL;
     if (path == NULL) {
@@ -34,24 +34,24 @@ static char* settle(char* path)
         *slash = '\0';
     }
     char* folder = realpath(slash == NULL ? "." : path[0] == '\0' ? "/" : path, NULL);
-    char* settled = NULL;
+    char* resolved = NULL;
     if (folder != NULL) {
-        settled = malloc(strlen(folder) + strlen(name) + 2);
-        if (settled != NULL) {
-            sprintf(settled, "%s%s%s", folder, folder[1] != '\0' ? "/" : "", name);
+        resolved = malloc(strlen(folder) + strlen(name) + 2);
+        if (resolved != NULL) {
+            sprintf(resolved, "%s%s%s", folder, folder[1] != '\0' ? "/" : "", name);
         }
         free(folder);
-    } else { // no such folder: whoever makes the file says so
+    } else { // no such folder: creating the file will fail and say so
         if (slash != NULL) {
             *slash = '/';
         }
-        settled = strdup(path);
+        resolved = strdup(path);
     }
     free(path);
-    return settled;
+    return resolved;
 }
 
-/// A path or null; relative ones start in the folder of the file that names them.
+/// A path or null. A relative path starts in the folder of the configuration file.
 static bool read_path(const json_at* of, const char* key, char* path, size_t size)
 {
     const json_at at = json_member(of, key);
@@ -65,7 +65,7 @@ static bool read_path(const json_at* of, const char* key, char* path, size_t siz
     if (name[0] == '\0') {
         return json_fail(&at, "is empty, expected a path or null");
     }
-    char* resolved = settle(json_join(&at));
+    char* resolved = resolve(json_join(&at));
     const bool fits = resolved != NULL && strlen(resolved) < size;
     if (fits) {
         strcpy(path, resolved);
@@ -93,8 +93,8 @@ static bool parse_port(const char* text, in_port_t* port)
     return text[0] >= '0' && text[0] <= '9' && *end == '\0' && number >= 1 && number <= 65535;
 }
 
-/// `127.0.0.1:9464` or `[::1]:9464`. Whoever may read the figures from elsewhere is a matter for
-/// whatever the operator puts before this port, so it is never opened to the network.
+/// `127.0.0.1:9464` or `[::1]:9464`. Only loopback: access from other machines needs a proxy, which
+/// decides who may read the metrics.
 static bool read_listen(service* self, const json_at* metrics)
 {
     const json_at at = json_member(metrics, "listen");
@@ -153,7 +153,7 @@ static bool read_realtime(service* self, const json_at* of)
         cJSON_ArrayForEach(node, cpus.node)
         {
             if (self->planning.cpu_count == THREAD_CPUS_MAX) {
-                break; // reported
+                break; // the error is in the file
             }
             const json_at cpu = json_element(&cpus, node, self->planning.cpu_count);
             self->planning.cpus[self->planning.cpu_count++] =

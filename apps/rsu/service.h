@@ -1,5 +1,5 @@
-/// How the daemon serves its operators and what it asks of the system, from the members
-/// "control", "metrics", "realtime" and "log_format" of its configuration. See config.h for each.
+/// The members "control", "metrics", "realtime" and "log_format" of the configuration: what the
+/// daemon serves to operators, and what it requests from the system. See config.h for each.
 ///
 /// Memory      All in the struct.
 #ifndef VERGE_RSU_SERVICE_H
@@ -19,9 +19,9 @@ enum {
     SERVICE_CPU_MAX = 1023,
 };
 
-/// All zero: nothing is served, nothing is asked for.
+/// All zero: nothing is served, nothing is requested.
 typedef struct service {
-    char control[SERVICE_PATH_SIZE];      ///< path of the socket verge-ctl speaks to; "": none
+    char control[SERVICE_PATH_SIZE];      ///< path of the socket for verge-ctl; "": none
     char metrics_file[SERVICE_FILE_SIZE]; ///< "": none
     char metrics_listen[64];              ///< as written; "": none
     struct sockaddr_storage metrics_address;
@@ -31,13 +31,13 @@ typedef struct service {
     log_format     log_format;
 } service;
 
-/// Reads the four members of an object, which may have others. False: reported.
+/// Reads the four members of an object, which may have others. False: the error is in the file.
 bool service_read(service* self, const json_at* of);
 
-/// The four members as JSON, each with a comma and a line break before it, defaults written out.
+/// Writes the four members as JSON with all defaults, each after a comma and a line break.
 void service_write(FILE* out, const service* self);
 
-/// The first member that cannot be changed without a restart and differs; null: none does.
+/// The first member that differs and cannot change without a restart; null: none.
 const char* service_changed(const service* self, const service* other);
 
 #endif

@@ -1,4 +1,4 @@
-/// The state of the daemon in one place, and the status message made from it.
+/// The state and the active faults of the daemon, and the status message made from them.
 #ifndef VERGE_RSU_STATUS_H
 #define VERGE_RSU_STATUS_H
 
@@ -15,16 +15,16 @@ typedef enum rsu_state {
     RSU_STOPPING = 4,
 } rsu_state;
 
-/// What is wrong just now. The larger number is the worse fault.
+/// Faults. The larger number is the worse one.
 typedef enum rsu_fault {
     RSU_FAULT_NONE = 0,
-    RSU_FAULT_CONFIG = 1,    ///< the last configuration read again was refused; the old one holds
+    RSU_FAULT_CONFIG = 1,    ///< the last reload was refused; the old configuration is in effect
     RSU_FAULT_RECORD = 2,    ///< the recording has ended, or lost events lately
-    RSU_FAULT_CAPACITY = 3,  ///< vehicles were left out lately: more than the capacities
-    RSU_FAULT_DEADLINE = 4,  ///< a cycle took longer than cycle_ms lately
-    RSU_FAULT_BUS = 5,       ///< sending or receiving failed lately
-    RSU_FAULT_ID_CONFLICT = 6, ///< two senders claimed one vehicle lately; the first one was heard
-    RSU_FAULT_PLANNER = 7,   ///< the planner refused a cycle lately: a defect of ours
+    RSU_FAULT_CAPACITY = 3,  ///< there were more vehicles than the capacities; some were ignored
+    RSU_FAULT_DEADLINE = 4,  ///< a cycle took longer than cycle_ms
+    RSU_FAULT_BUS = 5,       ///< sending or receiving failed
+    RSU_FAULT_ID_CONFLICT = 6, ///< two senders used one vehicle id; the second one was refused
+    RSU_FAULT_PLANNER = 7,   ///< the planner refused a cycle, which is a defect of verge
 } rsu_fault;
 enum { RSU_FAULT_COUNT = 8 };
 
@@ -42,7 +42,7 @@ enum { STATUS_FAULT_HOLD_US = 5000000 };
 typedef struct status {
     int64_t  start_utime;     ///< [us]
     uint64_t deadline_misses;
-    uint64_t log_dropped;     ///< lines of the log that nobody took
+    uint64_t log_dropped;     ///< lines missing in the log
     uint64_t record_dropped;  ///< events missing in the recording
     timing   cycle_time;
     bool     stopping;
@@ -51,17 +51,17 @@ typedef struct status {
     int64_t  fault_until[RSU_FAULT_COUNT]; ///< [us] INT64_MAX: for good
 } status;
 
-/// A fault occurred at now [us] of a clock that never steps back. lasting: it stays until
-/// status_fault_clear(), whatever follows.
+/// A fault occurred at now [us] of a clock that never steps back. lasting: it stays active until
+/// status_fault_clear().
 void status_fault(status* self, rsu_fault fault, int64_t now, bool lasting);
 void status_fault_clear(status* self, rsu_fault fault);
 /// All active faults: bits 1 << fault.
 uint32_t  status_faults(const status* self, int64_t now);
-/// The worst of them, the one that the status message has room for.
+/// The worst active fault, which is the one in the status message.
 rsu_fault status_worst(const status* self, int64_t now);
 rsu_state status_state(const status* self, int64_t now);
 
-/// The status message; crc32 is left to the transport. utime: wall clock; now: as above.
+/// The status message. The transport fills in crc32. utime: wall clock; now: as above.
 verge_rsu_status_t status_message(const status* self, const config* config, const cycle* cycle,
                                   const transport_stats* bus, int64_t utime, int64_t now);
 

@@ -1,7 +1,7 @@
 /// Cycle times of the recent past: last, 99th percentile, largest.
 ///
-/// The percentile is taken over a ring of TIMING_RING cycles, by the nearest-rank method; the
-/// largest is that of all cycles since the start. Asking costs one sort of at most 1,024 numbers.
+/// The percentile is taken over the last TIMING_RING cycles by the nearest-rank method; the largest
+/// is that of all cycles since the start. timing_p99() sorts at most 1,024 numbers.
 #ifndef VERGE_RSU_TIMING_H
 #define VERGE_RSU_TIMING_H
 
@@ -9,7 +9,7 @@
 
 enum { TIMING_RING = 1024 };
 
-/// All zero is a valid empty one.
+/// All zero is empty.
 typedef struct timing {
     uint32_t ring[TIMING_RING]; ///< [us]
     uint64_t count;             ///< cycles ever added

@@ -1,5 +1,5 @@
-/// One thread for long jobs, such as a planning step or a reload, while the daemon's main thread
-/// keeps listening.
+/// One thread for long jobs, such as a planning step or a reload, so that the main thread can go on
+/// with its loop.
 ///
 /// A planning step may take most of a cycle, and stopping has to work within a second whatever
 /// the planner does. So the step runs here, and a descriptor shows its end to the main thread. One
@@ -20,13 +20,13 @@ worker* worker_create(const char* name, const thread_options* options);
 /// Waits for a job that was started. Null is fine.
 void worker_destroy(worker* self);
 
-/// Descriptor that becomes readable when the job is over.
+/// A descriptor that becomes readable when the job is over.
 int worker_fd(const worker* self);
 /// Starts job(arg). There is no job under way.
 void worker_start(worker* self, void (*job)(void* arg), void* arg);
-/// Is a job under way, or over but not yet collected?
+/// Is a job running, or over but not yet collected?
 bool worker_busy(const worker* self);
-/// Collects the end of a job. True once a job: its results may be read now.
+/// True once for each job, when it is over: its results may be read now.
 bool worker_collect(worker* self);
 
 #endif

@@ -332,7 +332,7 @@ def a_reload_that_needs_a_restart_is_refused_with_the_remedy(rig):
                    cycle_ms=60, log_format="json")
         check(ctl(rig, "reload")[0] == 0, "accepted")
         wait_for_fault(rig, "none")
-        rsu.wait_for('"event":"config_in_force"')
+        rsu.wait_for('"event":"config_applied"')
         check(rsu.stop()[1] == 0, "stops")
 
 

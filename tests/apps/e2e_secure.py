@@ -211,7 +211,7 @@ def a_replaced_key_takes_force_with_sighup(rig):
         wait_for(lambda: planned(old, e2e_lcm.Vehicle(2, 80, 0)), "the first key still holds")
         path.chmod(0o600)
         rsu.signal(signal.SIGHUP)
-        rsu.wait_for("config_in_force")
+        rsu.wait_for("config_applied")
         wait_for(lambda: planned(new, e2e_lcm.Vehicle(3, 120, 0)), "a plan under the second key")
         list(wire.heard())
         number = e2e_lcm.Vehicle(4, 160, 0)
@@ -431,7 +431,7 @@ def an_observer_hears_all_and_a_renewed_certificate_takes_force_with_sighup(rig)
         (papers / "rsu.crt.pem").unlink()
         certificates(rig, "ours")
         rsu.signal(signal.SIGHUP)
-        rsu.wait_for("config_in_force")
+        rsu.wait_for("config_applied")
         before = vehicles.plans()
         wait_for(lambda: vehicles.plans() >= before + 9, "plans under the new one", 40)
         check_heard("with the second certificate")
@@ -528,7 +528,7 @@ def papers_near_their_end_are_warned_of_and_work(rig):
         check(rsu.text().count("certificate_expires") == 1, f"told once:\n{rsu.text()}")
         certificates(rig, "ends", "--days", "60", "rsu") # renews what ends within a month
         rsu.signal(signal.SIGHUP)
-        rsu.wait_for("config_in_force")
+        rsu.wait_for("config_applied")
         cycles = figure(rig, "verge_cycles_total")
         wait_for(lambda: figure(rig, "verge_cycles_total") > cycles + 15, "three seconds more")
         check(rsu.text().count("certificate_expires") == 1, f"renewed:\n{rsu.text()}")
@@ -559,7 +559,7 @@ def a_clear_bus_beside_a_secured_one_is_warned_of(rig):
     for document, pair in cases:
         code, _, error = rig.run(rig.bin / "verge-rsu", "--config", rig.config(**document),
                                  "--check-config")
-        told = [line for line in error.splitlines() if "stands beside" in line]
+        told = [line for line in error.splitlines() if "secure both buses" in line]
         check(code == 0 and len(told) == (pair is not None), f"{document}: exit {code}: {error!r}")
         check(pair is None or f"warning: {pair[0]}, which" in told[0] and
               f"beside {pair[1]}, which" in told[0], f"{document}: told as {told}")

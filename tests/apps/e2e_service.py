@@ -26,7 +26,7 @@ def the_manager_hears_of_start_reload_and_stop(rig):
         with Daemon(rig, config, env={"NOTIFY_SOCKET": manager.name}) as rsu:
             manager.wait_for("READY=1")
             manager.wait_for("STATUS=waiting: 0 of 0 vehicles planned")
-            for document, event in ((None, "config_in_force"), ("{", "config_refused")):
+            for document, event in ((None, "config_applied"), ("{", "config_refused")):
                 if document is not None:
                     config.write_text(document)
                 else:
@@ -200,7 +200,7 @@ def reloads_leave_no_memory_behind(rig):
         before = resident()
         for count in range(1, 9):
             rsu.signal(signal.SIGHUP)
-            rsu.wait_for("event=config_in_force", count)
+            rsu.wait_for("event=config_applied", count)
             time.sleep(0.3) # each is told: five lines a second at most
         after = resident()
         check(after < before + 3000, f"{before} KiB, after eight reloads {after} KiB")

@@ -169,8 +169,8 @@ static void test_every_controlled_vehicle_gets_one_valid_plan_a_cycle(void** sta
         }
         assert_null(message_for(self, 2));
         // What operators see is what was sent.
-        assert_int_equal(self->cycle.planned_count, 3);
-        assert_memory_equal(self->cycle.in_force, self->cycle.messages,
+        assert_int_equal(self->cycle.valid_count, 3);
+        assert_memory_equal(self->cycle.valid_plans, self->cycle.messages,
                             3 * sizeof self->cycle.messages[0]);
     }
     assert_int_equal(self->cycle.counters.plans, 18);

@@ -1,6 +1,6 @@
 /// Goal: a program reads regular files only; whatever else stands under a file's name is refused at
-/// once with what it is, and a file above the limit is refused before it fills memory.
-/// Method: real FIFOs, folders, sockets, devices and a sparse file; an alarm ends a test that waits.
+/// once with what it is, and a file above the limit is refused before it fills memory. Method: real
+/// FIFOs, folders, sockets, devices and a sparse file; an alarm ends a test that waits.
 #define _GNU_SOURCE
 #include "check.h"
 

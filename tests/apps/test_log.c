@@ -250,14 +250,14 @@ static void test_a_pipe_that_nobody_reads_costs_counted_lines_and_no_time(void**
         log_many(100);
         put += 100;
     }
-    log_tell_dropped(); // in vain
+    log_report_dropped(); // in vain
     const uint64_t dropped = log_dropped();
     wait_for_lines(ends[0], text, (unsigned)(put - dropped));
     for (unsigned lines = (unsigned)(put - dropped); pour(ends[0], text) == lines;) {
-        log_tell_dropped(); // once the queue is empty
+        log_report_dropped(); // once the queue is empty
         usleep(1000);
     }
-    log_tell_dropped();
+    log_report_dropped();
     log_many(1);
     log_stop(20000000);
     dup2(usual, STDERR_FILENO);

@@ -143,7 +143,7 @@ static void test_a_status_that_is_too_long_is_cut(void** state)
     words[sizeof words - 1] = '\0';
     notify_status(&self, words);
     const ssize_t size = recv(fd, heard, sizeof heard - 1, 0);
-    assert_int_equal(size, 7 + sizeof self.told - 1);
+    assert_int_equal(size, 7 + sizeof self.status - 1);
     assert_int_equal(strncmp(heard, "STATUS=www", 10), 0);
     notify_close(&self);
     close(fd);

@@ -1,8 +1,7 @@
 /// Goal: a reload is made while the caller goes on, and takes effect when the caller says so; what
 /// is asked for meanwhile happens once, after it; whatever is wrong with the new configuration, the
-/// one in effect stays as it is.
-/// Method: real configurations on loop:, of which the tests write the next one; the caller's part is
-/// measured in processor time, which a busy machine does not change.
+/// one in effect stays as it is. Method: real configurations on loop:, of which the tests write the
+/// next one; the caller's part is measured in processor time, which a busy machine does not change.
 #define _GNU_SOURCE
 #include "check.h"
 

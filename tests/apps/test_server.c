@@ -32,8 +32,8 @@ static const char* path_of(const char* name)
 
 static bool due;
 
-/// "large": more than a socket's buffers hold; "none": an answer that does not fit; "later": one that
-/// takes until it is due.
+/// "large": more than a socket's buffers hold; "none": an answer that does not fit; "later": one
+/// that takes until it is due.
 static bool on_request(void* context, const char* request, uint64_t* ticket, text* answer)
 {
     int* asked = context;
@@ -201,7 +201,7 @@ static void test_a_socket_that_is_in_use_or_is_none_is_left_alone(void** state)
     FILE* file = fopen(path_of("d.sock"), "w");
     fclose(file);
     assert_false(server_open_unix(&second, &def, path_of("d.sock"), error, sizeof error));
-    assert_non_null(strstr(error, "is no socket"));
+    assert_non_null(strstr(error, "no socket"));
     assert_int_equal(remove(path_of("d.sock")), 0);
     assert_false(server_open_unix(&second, &def, path_of("no/e.sock"), error, sizeof error));
 

@@ -70,7 +70,7 @@ END
             until "$5" --socket "$6/rsu.sock" status; do sleep 0.1; done
             "$5" --socket "$6/rsu.sock" reload
             for _ in $(seq 300); do
-                ! grep -q event=config_in_force "$7" || break
+                ! grep -q event=config_applied "$7" || break
                 sleep 0.1
             done
             kill -TERM "$(cat "$6/pid")"
@@ -82,7 +82,7 @@ END
         { cat "$work/$1.log"; fail "the daemon does not run on $2"; }
     sed -nE 's/^[0-9]+ +([a-z0-9_]+)\(.*/\1/p' "$work/$1.calls" | sort -u >"$work/$1.used"
     grep -q '^accept4\?$' "$work/$1.used" || fail "nobody was served while strace looked"
-    grep -q event=config_in_force "$work/$1.log" || { cat "$work/$1.log"; fail "no reload"; }
+    grep -q event=config_applied "$work/$1.log" || { cat "$work/$1.log"; fail "no reload"; }
     local refused
     # What strace's own start-up does before the daemon is systemd's to do: execve is permitted.
     refused=$(comm -23 "$work/$1.used" "$work/permitted" | tr '\n' ' ')

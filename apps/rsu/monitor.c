@@ -1,26 +1,26 @@
-#include "tell.h"
+#include "monitor.h"
 
 #include "log.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 
-verge_rsu_status_t tell_message(const teller* self, instant at)
+verge_rsu_status_t monitor_message(const monitor* self, instant at)
 {
     const transport_stats stats = buses_statistics(&self->setup->buses);
     return status_message(self->status, self->setup->config, self->cycle, &stats, at.utime,
                           at.now);
 }
 
-void tell_status(teller* self, instant at)
+void monitor_publish(monitor* self, instant at)
 {
-    const verge_rsu_status_t message = tell_message(self, at);
+    const verge_rsu_status_t message = monitor_message(self, at);
     buses_publish_status(&self->setup->buses, &message);
     self->state = (rsu_state)message.state;
     self->faults = status_faults(self->status, at.now);
 }
 
-void tell_changes(teller* self, instant at)
+void monitor_update(monitor* self, instant at)
 {
     const rsu_state state = status_state(self->status, at.now);
     const uint32_t faults = status_faults(self->status, at.now);
@@ -29,76 +29,77 @@ void tell_changes(teller* self, instant at)
         rsu_fault_names(faults, names);
         log_event(LOG_INFO, "state", "from=%s to=%s faults=%s", rsu_state_name(self->state),
                   rsu_state_name(state), names);
-        tell_status(self, at);
+        monitor_publish(self, at);
     }
 }
 
 // ---- once a second ------------------------------------------------------------------------
 
-static void tell_trouble(teller* self, instant at);
-static void tell_dropped(teller* self, instant at);
-static void tell_over_capacity(teller* self, instant at);
-static void tell_refusals(teller* self);
-static void tell_expiry(teller* self, instant at);
-static void tell_manager(teller* self, instant at);
+static void log_bus_errors(monitor* self, instant at);
+static void log_losses(monitor* self, instant at);
+static void log_over_capacity(monitor* self, instant at);
+static void log_refusals(monitor* self);
+static void log_expiry(monitor* self, instant at);
+static void notify_manager(monitor* self, instant at);
 
-void tell_periodically(teller* self, instant at)
+void monitor_each_second(monitor* self, instant at)
 {
-    tell_trouble(self, at);
-    tell_dropped(self, at);
-    tell_over_capacity(self, at);
-    tell_refusals(self);
-    tell_expiry(self, at);
-    tell_status(self, at);
-    tell_manager(self, at);
+    log_bus_errors(self, at);
+    log_losses(self, at);
+    log_over_capacity(self, at);
+    log_refusals(self);
+    log_expiry(self, at);
+    monitor_publish(self, at);
+    notify_manager(self, at);
 }
 
-/// The transport keeps trying by itself when the bus goes away; this says so.
-static void tell_trouble(teller* self, instant at)
+/// A bus that was lost is opened again by the transport. This only logs it.
+static void log_bus_errors(monitor* self, instant at)
 {
     for (uint32_t bus = 0; bus < self->setup->buses.count; bus++) {
-        const uint64_t errors = buses_trouble(&self->setup->buses, bus);
+        const uint64_t errors = buses_new_errors(&self->setup->buses, bus);
         if (errors > 0) {
             status_fault(self->status, RSU_FAULT_BUS, at.now, false);
-            log_repeated(LOG_WARNING, "bus_trouble", bus, "errors=%" PRIu64 " bus=%s action=keeps_trying",
-                      errors, self->setup->config->bus[bus]);
+            log_repeated(LOG_WARNING, "bus_trouble", bus,
+                         "errors=%" PRIu64 " bus=%s action=keeps_trying", errors,
+                         self->setup->config->bus[bus]);
         }
     }
 }
 
-/// Losses of log and recording are told when writing works again: for a whole second nothing more
-/// was lost.
-static void tell_dropped(teller* self, instant at)
+/// Losses of log and recording are logged when writing works again: nothing was lost for one
+/// second.
+static void log_losses(monitor* self, instant at)
 {
-    log_tell_dropped();
+    log_report_dropped();
     const uint64_t dropped = self->status->record_dropped;
     if (dropped > self->record_dropped) {
         status_fault(self->status, RSU_FAULT_RECORD, at.now, false);
-    } else if (dropped > self->record_dropped_told) {
+    } else if (dropped > self->record_dropped_logged) {
         log_event(LOG_WARNING, "record_dropped", "events=%" PRIu64 " total=%" PRIu64,
-                  dropped - self->record_dropped_told, dropped);
-        self->record_dropped_told = dropped;
+                  dropped - self->record_dropped_logged, dropped);
+        self->record_dropped_logged = dropped;
     }
     self->record_dropped = dropped;
 }
 
-static void tell_over_capacity(teller* self, instant at)
+static void log_over_capacity(monitor* self, instant at)
 {
     const uint64_t over_capacity = self->cycle->inbox.counters.rx_over_capacity;
     if (over_capacity > self->over_capacity) {
         self->over_capacity = over_capacity;
         status_fault(self->status, RSU_FAULT_CAPACITY, at.now, false);
         log_repeated(LOG_WARNING, "over_capacity", 0, "vehicles_max=%u controlled_max=%u",
-                  self->cycle->def.vehicles_max, self->cycle->def.controlled_max);
+                     self->cycle->def.vehicles_max, self->cycle->def.controlled_max);
     }
 }
 
-/// One line a second at most, however many states were refused, with what for.
-static void tell_refusals(teller* self)
+/// At most one line a second, with the number of states refused for each reason.
+static void log_refusals(monitor* self)
 {
     const transport_stats stats = buses_statistics(&self->setup->buses);
     const inbox_counters* rx = &self->cycle->inbox.counters;
-    // Who is heard on two buses says everything twice.
+    // With several buses duplicates are normal: a vehicle may send on two of them.
     const bool several = self->setup->buses.count > 1;
     const uint64_t refusals = rx->rx_stale + rx->rx_future + (several ? 0 : rx->rx_duplicate) +
                               rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
@@ -117,18 +118,18 @@ static void tell_refusals(teller* self)
     self->refusals = refusals;
 }
 
-/// What admits us to a bus ends soon: once a day.
-static void tell_expiry(teller* self, instant at)
+/// Once a day: certificates or permissions end soon.
+static void log_expiry(monitor* self, instant at)
 {
     buses* buses = &self->setup->buses;
     if (buses_expiring(buses, at.utime)) {
         log_event(LOG_WARNING, "certificate_expires", "days=%" PRId64 " words=\"%s\"",
-                  buses_days_left(buses->expiry, at.utime), log_words(buses->expiry_words));
+                  buses_days_left(buses->expiry, at.utime), log_words(buses->expiry_text));
     }
 }
 
 /// What `systemctl status` shows.
-static void tell_manager(teller* self, instant at)
+static void notify_manager(monitor* self, instant at)
 {
     const uint32_t faults = status_faults(self->status, at.now);
     char names[RSU_FAULTS_SIZE], text[64 + RSU_FAULTS_SIZE];
@@ -141,17 +142,18 @@ static void tell_manager(teller* self, instant at)
 
 // ---- when asked ---------------------------------------------------------------------------
 
-void tell_statistics(const teller* self, instant at)
+void monitor_log_statistics(const monitor* self, instant at)
 {
-    const verge_rsu_status_t status = tell_message(self, at);
+    const verge_rsu_status_t status = monitor_message(self, at);
     char faults[RSU_FAULTS_SIZE];
     rsu_fault_names(status_faults(self->status, at.now), faults);
     log_event(LOG_ALWAYS, "statistics",
               "state=%s faults=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
               "cycle_us_max=%d deadline_misses=%d plans=%d fallbacks=%d overruns=%" PRIu64
               " rx_accepted=%d arena_peak_bytes=%" PRId64 " nodes_peak=%d",
-              rsu_state_name((rsu_state)status.state), faults, status.cycle, status.vehicles_seen, status.vehicles_controlled, status.cycle_us_p99,
-              status.cycle_us_max, status.deadline_misses, status.plans_sent, status.fallbacks,
+              rsu_state_name((rsu_state)status.state), faults, status.cycle, status.vehicles_seen,
+              status.vehicles_controlled, status.cycle_us_p99, status.cycle_us_max,
+              status.deadline_misses, status.plans_sent, status.fallbacks,
               self->cycle->counters.overruns, status.rx_accepted, status.arena_peak_bytes,
               status.nodes_peak);
 }

@@ -384,7 +384,8 @@ static void receive_message(live* self, const transport_message* message)
         transport_sender_text(self->now.buses.bus[message->bus], message->sender, sender,
                               sizeof sender);
         status_fault(&self->status, RSU_FAULT_ID_CONFLICT, clock_us(CLOCK_MONOTONIC), false);
-        log_repeated(LOG_WARNING, "id_conflict", (uint32_t)vehicle,
+        const uint32_t cause = (uint32_t)vehicle * CONFIG_BUSES_MAX + message->bus;
+        log_repeated(LOG_WARNING, "id_conflict", cause,
                      "vehicle=%d bus=%s refused_sender=%s", vehicle,
                      self->now.config->bus[message->bus], sender);
     } else {

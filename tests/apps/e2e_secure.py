@@ -561,8 +561,8 @@ def a_clear_bus_beside_a_secured_one_is_warned_of(rig):
                                  "--check-config")
         told = [line for line in error.splitlines() if "secure both buses" in line]
         check(code == 0 and len(told) == (pair is not None), f"{document}: exit {code}: {error!r}")
-        check(pair is None or f"warning: {pair[0]}, which" in told[0] and
-              f"beside {pair[1]}, which" in told[0], f"{document}: told as {told}")
+        check(pair is None or f"can reach {pair[0]}, and" in told[0] and
+              f"vehicle of {pair[1]}, which" in told[0], f"{document}: told as {told}")
 
 
 LCM_CASES = [

@@ -70,9 +70,27 @@ static double wrap(double angle)
     return remainder(angle, 2.0 * 3.14159265358979323846);
 }
 
+/// Moves along the lane, and across it, from where `from` is.
+static void move_on_lane(motion* self, const verge_lane_position* from, double along, double across,
+                         const verge_road* road, int32_t target_lane)
+{
+    self->on = *from;
+    self->on.s += along;
+    self->on.d += across;
+    const double  length = verge_road_length(road, self->on.lane_id);
+    const int32_t next = verge_road_next(road, self->on.lane_id, target_lane);
+    if (self->on.s > length && next != VERGE_NO_LANE) {
+        self->on.s -= length;
+        self->on.lane_id = next;
+    }
+    verge_road_at(road, self->on.lane_id, self->on.s, self->on.d, &self->x, &self->y,
+                  &self->heading);
+}
+
 /// Moves to the next point.
 static void advance(motion* self, const verge_road* road, int32_t target_lane)
 {
+    const motion before = *self;
     const double dt = OVERRUN_DT_MS * 1e-3;
     const double braking = fmax(fmin(self->acceleration, 0.0) - JERK * dt, -OVERRUN_BRAKING);
     const double speed = fmax(self->speed + braking * dt, 0.0);
@@ -86,15 +104,13 @@ static void advance(motion* self, const verge_road* road, int32_t target_lane)
         self->y += distance * sin(self->heading);
         return;
     }
-    self->on.s += distance * cos(skew);
-    self->on.d += distance * sin(skew);
-    const double  length = verge_road_length(road, self->on.lane_id);
-    const int32_t next = verge_road_next(road, self->on.lane_id, target_lane);
-    if (self->on.s > length && next != VERGE_NO_LANE) {
-        self->on.s -= length;
-        self->on.lane_id = next;
+    // Beside the reference line of a bend, s changes by more or less than the distance driven. The
+    // first step measures by how much, the second one corrects it.
+    const double along = distance * cos(skew), across = distance * sin(skew);
+    move_on_lane(self, &before.on, along, across, road, target_lane);
+    const double driven = hypot(self->x - before.x, self->y - before.y);
+    if (driven > 0.0) {
+        move_on_lane(self, &before.on, along * distance / driven, across, road, target_lane);
     }
-    verge_road_at(road, self->on.lane_id, self->on.s, self->on.d, &self->x, &self->y,
-                  &self->heading);
     self->heading = wrap(self->heading + self->skew * fmax(1.0 - self->t / ALIGN_S, 0.0));
 }

@@ -1,5 +1,5 @@
-/// One mutex, two conditions, one counter of work handed out. A planning step has a few dozen
-/// tasks of about a millisecond each, so taking the mutex once a task costs nothing that shows.
+/// One mutex, two conditions, one counter of tasks. A planning step has a few dozen tasks of about
+/// a millisecond each, so the cost of locking the mutex for each task is negligible.
 #define _GNU_SOURCE
 #include "executor.h"
 

@@ -1,4 +1,4 @@
-/// A fixed pool of threads that carries out the tasks of one planning step.
+/// A fixed pool of threads that runs the tasks of one planning step.
 ///
 ///     executor* pool = executor_create(4);
 ///     def.executor = executor_run;
@@ -7,9 +7,8 @@
 ///     executor_destroy(pool);
 ///
 /// Memory      executor_create() allocates and starts the threads; executor_run() does neither.
-/// Threads     One caller at a time. The caller works too: threads - 1 helpers are started.
-/// Sameness    Which thread runs which task is left open; tasks share nothing, so the plan does
-///             not depend on it.
+/// Threads     One caller at a time. The caller runs tasks too, so threads - 1 helpers are started.
+/// Digests     Any thread may run any task. Tasks share nothing, so the plan does not depend on it.
 #ifndef VERGE_APPS_EXECUTOR_H
 #define VERGE_APPS_EXECUTOR_H
 
@@ -25,9 +24,9 @@ typedef struct executor executor;
 
 enum { EXECUTOR_THREADS_MAX = 64 };
 
-/// threads: 1 .. EXECUTOR_THREADS_MAX, the caller included. Null when the system refuses.
+/// threads: 1 .. EXECUTOR_THREADS_MAX, with the caller. Null: the system refuses; see errno.
 executor* executor_create(uint32_t threads);
-/// The helpers run as the options say (null: as the caller). Null: the reason is in errno.
+/// The same with options for the helpers (null: as the caller).
 executor* executor_create_with(uint32_t threads, const thread_options* options);
 void executor_destroy(executor* pool); ///< null is fine
 

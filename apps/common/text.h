@@ -1,4 +1,4 @@
-/// A text that grows in a buffer of the caller's: for answers made where nothing may allocate.
+/// A growing text in a buffer of the caller, for code that must not allocate.
 ///
 ///     char buffer[4096];
 ///     text out = text_in(buffer, sizeof buffer);
@@ -15,16 +15,16 @@ typedef struct text {
     char*  bytes; ///< ends with a zero byte
     size_t size;  ///< [B] without it
     size_t room;
-    bool   cut;   ///< something did not fit; nothing after it was added
+    bool   cut;   ///< something did not fit; it and everything after it is missing
 } text;
 
 text text_in(char* buffer, size_t size); ///< size >= 1
 void text_add(text* self, const char* format, ...) __attribute__((format(printf, 2, 3)));
 /// A double as JSON: the shortest decimal that reads back the same, null where it is not finite.
 void text_add_double(text* self, double value);
-/// The same of a float.
+/// The same for a float.
 void text_add_float(text* self, float value);
-/// In quotes, with everything escaped that needs it.
+/// As a JSON string, in quotes and escaped.
 void text_add_string(text* self, const char* words);
 
 #endif

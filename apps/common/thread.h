@@ -1,6 +1,5 @@
-/// Starting a thread the way every thread of ours is started: it takes no signals (they belong to
-/// the thread that started it), its stack has a known size, and where asked it runs with a
-/// real-time priority and on named processors.
+/// How verge starts its threads: without signals (the starting thread handles them), with a stack
+/// of a known size and, on request, with a real-time priority and on given processors.
 ///
 /// Memory      The stack: THREAD_STACK_SIZE, mapped by the C library.
 #ifndef VERGE_APPS_THREAD_H
@@ -13,8 +12,8 @@
 extern "C" {
 #endif
 
-/// [B] A planning step needs less than a tenth of it. Fixed, so that locked memory can be told
-/// beforehand.
+/// [B] A planning step needs less than a tenth of it. Fixed, so that the size of locked memory is
+/// known.
 enum { THREAD_STACK_SIZE = 1 << 20 };
 
 enum { THREAD_CPUS_MAX = 64 };
@@ -26,8 +25,8 @@ typedef struct thread_options {
     uint32_t cpus[THREAD_CPUS_MAX];
 } thread_options;
 
-/// options null: all zero. Returns 0 or an errno: EPERM where the system refuses the priority,
-/// EINVAL where it has none of the processors, EAGAIN where it refuses memory or a thread.
+/// options null: all zero. Returns 0 or an errno: EPERM if the system refuses the priority, EINVAL
+/// if it has none of the processors, EAGAIN if it refuses memory or a thread.
 int thread_start(pthread_t* thread, const thread_options* options, void* (*run)(void*),
                  void* arg);
 

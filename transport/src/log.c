@@ -4,14 +4,14 @@
 /// An event is: sync word 0xEDA1DA01, event number (8 bytes), time [us] (8), length of the
 /// channel's name (4), length of the payload (4), name, payload; numbers big-endian.
 ///
-/// Reading     What is not an event is skipped up to the next sync word that begins one and
-///             counted once as malformed; a file cut off in the middle of an event just ends.
+/// Reading     Bytes that are not an event are skipped up to the next sync word that begins one,
+///             and counted once as malformed. A file may end in the middle of an event.
 ///             A damaged length costs its own event only: one that reaches into the next event
 ///             is refused, see event_holds_another().
-/// Writing     Events reach the file with each mark and at close: a log is complete up to its
-///             last whole cycle whatever happens to the program. A write may wait, as it does on
-///             a pipe whose reader is slow. Events that cannot be written are lost and counted as
-///             dropped; the next ones are tried again.
+/// Writing     Events are written with each mark and at close, so that a log is complete up to its
+///             last whole cycle if the program dies. Writing may block, for example on a pipe with
+///             a slow reader. Events that cannot be written are lost and counted as dropped; later
+///             ones are written again.
 #include "backend.h"
 #include "codec.h"
 #include "lcm_event.h"
@@ -41,10 +41,10 @@ typedef struct log_file {
     int       fd;           ///< written to; -1 when reading
     unsigned  receive;
     counters* counts;
-    size_t    used;         ///< [B] of buffer, when recording: not in the file yet
-    uint64_t  waiting;      ///< events in it
+    size_t    used;         ///< [B] of buffer that are not written yet
+    uint64_t  waiting;      ///< events in these bytes
     bool      ended;
-    bool      in_garbage;   ///< the trouble at this place is counted already
+    bool      in_garbage;   ///< the bytes at this place are already counted as malformed
     bool      behind_sync;  ///< the next event's sync word is read already
     int64_t   size;         ///< [B] of the file when it was opened for reading
     uint64_t  event_number; ///< of the next event written
@@ -123,8 +123,8 @@ static bool open_to_read(log_file* self, const char* path, const char** reason)
     return true;
 }
 
-/// Opening a FIFO for writing waits for a reader, unless there is one: here it is this function,
-/// for a moment. Until another one comes, writing fails with EPIPE.
+/// Opening a FIFO for writing waits for a reader. So this function opens it for reading, too, until
+/// that has returned. Without another reader, writing fails with EPIPE.
 static int open_to_write(const char* path)
 {
     struct stat facts;
@@ -203,7 +203,7 @@ static int log_send(void* self, int64_t utime, const transport_message* message)
     return cycle_ends && flush(mine) != 0 ? -1 : room ? 0 : -1;
 }
 
-/// Writes what waits, however long that takes. On failure it is lost: -1 with errno.
+/// Writes the waiting events, however long that takes. On failure they are lost: -1 with errno.
 static int flush(log_file* self)
 {
     size_t written = 0;

@@ -1,5 +1,5 @@
-/// verge-ctl: asks a running verge-rsu over its control socket and shows the answer, as tables for
-/// people or as the JSON it came in.
+/// verge-ctl: sends a request to the control socket of a running verge-rsu and prints the answer,
+/// as tables or as JSON.
 #define _GNU_SOURCE
 #include "common/json.h"
 #include "common/message_json.h"
@@ -21,13 +21,13 @@
 #define SOCKET_DEFAULT "/run/verge/rsu.sock"
 
 enum {
-    EXIT_REFUSED = 1,      // the daemon said no
+    EXIT_REFUSED = 1,      // the daemon refused the configuration
     EXIT_USAGE = 64,
-    EXIT_UNAVAILABLE = 69, // no daemon there
+    EXIT_UNAVAILABLE = 69, // no daemon answers
     ANSWER_MAX = 1 << 20,  // [B]
     FAULTS_MAX = 32,
     PATIENCE_S = 10,
-    RELOAD_PATIENCE_S = 60, // it may read a large road and build a large planner
+    RELOAD_PATIENCE_S = 60, // a large road and a large planner take time
 };
 
 static int  ask(const char* path, const char* request, char* answer, size_t size);
@@ -97,7 +97,7 @@ static int unreachable(const char* path)
     return EXIT_UNAVAILABLE;
 }
 
-/// Sends the request and reads to the end of the answer.
+/// Sends the request and reads the whole answer.
 static int ask(const char* path, const char* request, char* answer, size_t size)
 {
     struct sockaddr_un address = { .sun_family = AF_UNIX };
@@ -127,17 +127,17 @@ static int ask(const char* path, const char* request, char* answer, size_t size)
     }
     answer[got] = '\0';
     if (part == 0 && got == 0) {
-        errno = ECONNRESET; // it ended, or had too many clients
+        errno = ECONNRESET; // it has ended
     }
     const int code = part < 0 || got == 0 ? unreachable(path) : 0;
     close(fd);
     return code;
 }
 
-// ---- texts of others ----------------------------------------------------------------------
+// ---- control characters -------------------------------------------------------------------
 
-/// [B] of the control character at a place of a text in UTF-8, with its code: of ASCII, DEL, or of
-/// the second set, U+0080 to U+009F. 0: there is none. A terminal would obey them.
+/// The size [B] and the code of a control character in UTF-8: U+0000 to U+001F, U+007F, U+0080 to
+/// U+009F. 0: there is none at this place. A terminal executes them.
 static size_t control_at(const char* at, unsigned* code)
 {
     const unsigned char first = (unsigned char)at[0], second = (unsigned char)at[1];
@@ -149,7 +149,7 @@ static size_t control_at(const char* at, unsigned* code)
     return first == 0xc2 && second >= 0x80 && second <= 0x9f ? 2 : 0;
 }
 
-/// The document as it came, control characters in its strings escaped, which means the same.
+/// Prints the document with the control characters in its strings escaped.
 static void print_json(const char* answer)
 {
     for (const char* at = answer; *at != '\0';) {
@@ -164,7 +164,7 @@ static void print_json(const char* answer)
     }
 }
 
-/// Puts question marks in place of control characters, but a line break at the end.
+/// Replaces control characters by question marks, except a line break at the end.
 static void make_printable(char* text)
 {
     for (char* at = text; *at != '\0';) {
@@ -336,9 +336,9 @@ static void show_plans(const json_at* root)
 static int show_reload(const json_at* root)
 {
     if (json_bool_or(root, "accepted", false)) {
-        printf("accepted: in force from the next cycle on\n");
+        printf("accepted: takes effect at the next cycle\n");
         return 0;
     }
-    printf("refused, the old configuration holds: %s\n", json_string(root, "reason"));
+    printf("refused, the old configuration stays in effect: %s\n", json_string(root, "reason"));
     return EXIT_REFUSED;
 }

@@ -92,7 +92,7 @@ def reload_answers_whether_the_configuration_was_taken(rig):
         rig.config(control="rsu.sock", rsu_id=8)
         code, out, _ = ctl(rig, "reload")
         check(code == 0 and out.startswith("accepted"), out)
-        wait_for(lambda: "rsu_id 8" in ctl(rig, "status")[1], "the new one in force")
+        wait_for(lambda: "rsu_id 8" in ctl(rig, "status")[1], "the new one in effect")
         config.write_text("{ \"format\": \"verge-rsu/1\", \"bogus\": 1 }")
         code, out, _ = ctl(rig, "reload")
         check(code == 1 and out.startswith("refused") and "bogus" in out, out)

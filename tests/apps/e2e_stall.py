@@ -210,7 +210,7 @@ def a_reload_of_a_large_road_misses_no_cycle(rig):
                 break
         cycles = after["cycle"] - before["cycle"]
         check(misses == 0, f"{misses} misses in {cycles} cycles and three reloads")
-        check(after["rsu_id"] == 12 + 3 * attempt, "in force")
+        check(after["rsu_id"] == 12 + 3 * attempt, "in effect")
 
 
 def a_reload_asked_for_during_another_one_follows_it_once(rig):

@@ -2,8 +2,9 @@
 ///
 /// One loop waits for everything: buses, timers, signals, operators, and the threads that plan and
 /// reload. No call in it blocks, so each is served after at most one short task. Planning runs in a
-/// worker thread (worker.h), a reload in another (reload.h), and two more write the log and the
-/// recording (outlet.h). After the line `event=READY` only a reload allocates, in its own thread.
+/// worker thread (worker.h), a reload in another (reload.h), and others write the log, the
+/// recording and the file of metrics (outlet.h). After the line `event=READY` only a reload
+/// allocates, in its own thread.
 #ifndef VERGE_RSU_LIVE_H
 #define VERGE_RSU_LIVE_H
 

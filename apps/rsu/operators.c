@@ -5,11 +5,16 @@
 #include "replace.h"
 #include "report.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
 static bool on_control(void* context, const char* request, uint64_t* ticket, text* answer);
 static bool on_scrape(void* context, const char* request, uint64_t* ticket, text* answer);
+static bool write_metrics(void* context, const void* record, size_t size);
+
+/// [us] For the last file of metrics.
+enum { METRICS_PATIENCE_US = 100000 };
 
 int operators_open(operators* self, const service* service, const operators_def* def,
                    char error[CONFIG_ERROR_SIZE])
@@ -31,6 +36,14 @@ int operators_open(operators* self, const service* service, const operators_def*
         snprintf(error, CONFIG_ERROR_SIZE, "metrics.listen: %s", why);
         return EXIT_OS;
     }
+    const outlet_def file = { .name = "verge-metrics", .queue_size = 4 * REPORT_METRICS_SIZE,
+                              .record_max = REPORT_METRICS_SIZE, .write = write_metrics,
+                              .context = self };
+    if (service->metrics_file[0] != '\0' && (self->metrics_out = outlet_create(&file)) == NULL) {
+        snprintf(error, CONFIG_ERROR_SIZE, "metrics.file: the system refused a thread (%s)",
+                 strerror(errno));
+        return EXIT_OS;
+    }
     return 0;
 }
 
@@ -38,7 +51,9 @@ void operators_close(operators* self)
 {
     server_close(self->control);
     server_close(self->metrics);
+    outlet_close(self->metrics_out, METRICS_PATIENCE_US);
     self->control = self->metrics = NULL;
+    self->metrics_out = NULL;
 }
 
 uint32_t operators_ends(const operators* self, struct pollfd* ends)
@@ -115,16 +130,25 @@ static bool on_scrape(void* context, const char* request, uint64_t* ticket, text
 void operators_write(operators* self)
 {
     static char buffer[REPORT_METRICS_SIZE];
-    if (self->metrics_file[0] == '\0') {
+    if (self->metrics_out == NULL) {
         return;
     }
-    const operators_view view = self->def.view(self->def.context);
-    text out = text_in(buffer, sizeof buffer);
-    report_metrics(&out, &view.status, &view.details, view.cycle, &view.bus);
-    const int error = replace_file(self->metrics_file, out.bytes, out.size);
-    if (error != 0 && error != self->metrics_error) { // logged when it changes
+    const int error = atomic_load(&self->metrics_error);
+    if (error != 0 && error != self->metrics_error_logged) {
         log_event(LOG_WARNING, "metrics_failed", "file=\"%s\" error=\"%s\"", self->metrics_file,
                   strerror(error));
     }
-    self->metrics_error = error;
+    self->metrics_error_logged = error;
+    const operators_view view = self->def.view(self->def.context);
+    text out = text_in(buffer, sizeof buffer);
+    report_metrics(&out, &view.status, &view.details, view.cycle, &view.bus);
+    outlet_put(self->metrics_out, out.bytes, out.size); // while the disk is slow, some are left out
+}
+
+/// In the thread of the outlet.
+static bool write_metrics(void* context, const void* record, size_t size)
+{
+    operators* self = context;
+    atomic_store(&self->metrics_error, replace_file(self->metrics_file, record, size));
+    return true;
 }

@@ -8,9 +8,12 @@
 
 #include "config.h"
 #include "cycle.h"
+#include "outlet.h"
 #include "reload.h"
 #include "report.h"
 #include "server.h"
+
+#include <stdatomic.h>
 
 enum { OPERATORS_ENDS = 2 * SERVER_ENDS };
 
@@ -38,7 +41,9 @@ typedef struct operators {
     server* control;       ///< null: none configured
     server* metrics;       ///< null: none configured
     char    metrics_file[SERVICE_FILE_SIZE]; ///< "": none configured
-    int     metrics_error; ///< errno of the last time the file was written; 0: it was written
+    outlet* metrics_out;   ///< writes the file, because a disk may be slow; null: none configured
+    atomic_int metrics_error; ///< errno of its last writing; 0: it was written
+    int     metrics_error_logged;
 } operators;
 
 /// Returns 0, or EXIT_OS with a line in error. self must not move afterwards.
@@ -50,7 +55,7 @@ void operators_close(operators* self);
 uint32_t operators_ends(const operators* self, struct pollfd* ends);
 /// Reads and answers as far as possible without waiting. now [us] of a clock that never steps back.
 void operators_serve(operators* self, int64_t now);
-/// Replaces the file of metrics.
+/// Replaces the file of metrics, in a thread of its own.
 void operators_write(operators* self);
 
 #endif

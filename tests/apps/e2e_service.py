@@ -50,8 +50,9 @@ def the_manager_hears_of_start_reload_and_stop(rig):
 def the_status_text_is_sent_when_it_changes_and_not_each_second(rig):
     manager = Manager(str(rig.folder / "notify"))
     with Daemon(rig, rig.config(), env={"NOTIFY_SOCKET": manager.name}):
-        manager.wait_for("STATUS=")
-        check(manager.silent_for(2.5) == [], "it has not changed")
+        texts = [manager.wait_for("STATUS=")] + manager.silent_for(2.5)
+        # On a busy machine a deadline may come and go; what comes must be new each time.
+        check(all(now != before for now, before in zip(texts[1:], texts)), texts)
 
 
 def completed_cycles_feed_the_watchdog(rig):

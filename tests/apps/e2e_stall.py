@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 
-from daemon_rig import ROAD, Daemon, case_arguments, check, run_cases, wait_for
+from daemon_rig import Daemon, case_arguments, check, run_cases, shared_library, wait_for
 
 
 def ctl(rig, *args):
@@ -182,6 +182,18 @@ def a_recording_that_nobody_reads_stops_nothing(rig):
         os.close(reader)
 
 
+def a_metrics_file_on_a_disk_that_hangs_stops_nothing(rig):
+    if rig.sanitized():
+        return "not checked: the sanitizer wants no other library before it"
+    config = rig.config(control="rsu.sock", cycle_ms=20, metrics={"file": "verge.prom"})
+    with Daemon(rig, config, env={"LD_PRELOAD": shared_library(rig, "slow_rename")}) as rsu:
+        time.sleep(1.5) # the first one is being written
+        cycles_go_on(rig, 100)
+        check(not (rig.folder / "verge.prom").exists(), "it hangs")
+        seconds, code = rsu.stop()
+        check(code == 0 and seconds < 1.5, f"exit {code} after {seconds:.1f} s")
+
+
 # ---- a reload that takes time -------------------------------------------------------------
 
 def large_road():
@@ -244,6 +256,7 @@ CASES = [
     a_log_that_nobody_reads_stops_nothing,
     a_log_whose_reader_is_gone_stops_nothing,
     a_recording_that_nobody_reads_stops_nothing,
+    a_metrics_file_on_a_disk_that_hangs_stops_nothing,
     a_reload_of_a_large_road_misses_no_cycle,
     a_reload_asked_for_during_another_one_follows_it_once,
     stopping_does_not_wait_for_a_reload,

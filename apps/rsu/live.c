@@ -38,6 +38,7 @@ enum {
     // For the last events and lines. At SIGTERM everything has to be over within one second.
     RECORD_PATIENCE_US = 300000,
     LOG_PATIENCE_US = 200000,
+    FAIL_PATIENCE_US = 5000000, // for the reason of a start that has failed
 };
 
 typedef struct live {
@@ -87,6 +88,7 @@ int live_run(const live_options* options)
     self.signal_fd = self.cycle_fd = self.status_fd = self.notify.fd = -1;
     const int code = start(&self);
     if (code != 0) {
+        log_stop(FAIL_PATIENCE_US);
         release(&self);
         return code;
     }

@@ -2,7 +2,8 @@
 ///
 ///     verge_decider* decider;
 ///     verge_decider_init(&decider, &def, memory, verge_decider_memory_size(&def));
-///     verge_commitment commitment = { 0 };
+///     verge_decision decision = verge_decision_make(vehicles, 16);
+///     static verge_commitment commitment; // all zero: nothing was decided before
 ///     verge_decide(decider, &scene, &commitment, &decision);
 ///
 /// A decision is plain data: the trajectory stage (trajectory.h) takes one from verge_decide(), from
@@ -14,6 +15,8 @@
 #define VERGE_DECISION_H
 
 #include "verge/scene.h"
+
+#include <string.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -73,6 +76,16 @@ typedef struct verge_decision {
     verge_passing* passings;           ///< may be null where passings_max is 0
     verge_search_report search;        ///< zero where no search was made
 } verge_decision;
+
+/// A decision of nobody, in an array of vehicles_max elements that outlives it; no order of passing.
+static inline verge_decision verge_decision_make(verge_vehicle_decision* vehicles, uint32_t vehicles_max)
+{
+    verge_decision decision;
+    memset(&decision, 0, sizeof decision);
+    decision.vehicles_max = vehicles_max;
+    decision.vehicles = vehicles;
+    return decision;
+}
 
 /// The decision of a vehicle, null if there is none.
 const verge_vehicle_decision* verge_decision_of(const verge_decision* decision, int32_t vehicle_id);

@@ -2,8 +2,7 @@
 ///
 ///     verge_vehicle vehicles[9];
 ///     verge_lane_position positions[9];
-///     verge_scene scene = { .road = road, .vehicles = vehicles, .positions = positions,
-///                           .vehicles_max = 9 };
+///     verge_scene scene = verge_scene_make(road, vehicles, positions, 9);
 ///     verge_scene_place(&scene, utime, heard, heard_count, NULL);
 #ifndef VERGE_SCENE_H
 #define VERGE_SCENE_H
@@ -25,6 +24,20 @@ typedef struct verge_scene {
     /// such a vehicle takes no part in the decision and is predicted straight ahead.
     verge_lane_position* positions;
 } verge_scene;
+
+/// A scene without vehicles, in arrays of vehicles_max elements that outlive it.
+static inline verge_scene verge_scene_make(const verge_road* road, verge_vehicle* vehicles,
+                                           verge_lane_position* positions, uint32_t vehicles_max)
+{
+    verge_scene scene;
+    scene.road = road;
+    scene.utime = 0;
+    scene.vehicle_count = 0;
+    scene.vehicles_max = vehicles_max;
+    scene.vehicles = vehicles;
+    scene.positions = positions;
+    return scene;
+}
 
 /// Fills utime, vehicles and positions: checks the vehicles, orders them by id and finds the lane of
 /// each. Where lanes overlap (merges, diverges) the lane is the one the vehicle drives along: the

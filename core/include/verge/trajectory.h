@@ -36,6 +36,16 @@ typedef struct verge_tracks {
     verge_track* of;
 } verge_tracks;
 
+/// No tracks yet, in an array of tracks_max elements that outlives them.
+static inline verge_tracks verge_tracks_make(verge_track* of, uint32_t tracks_max)
+{
+    verge_tracks tracks;
+    tracks.count = 0;
+    tracks.tracks_max = tracks_max;
+    tracks.of = of;
+    return tracks;
+}
+
 /// Id and body of a vehicle, and its state at instant 0.
 void verge_track_begin(verge_track* track, const verge_vehicle* vehicle);
 /// Pose and speed at instant k < VERGE_POINTS_MAX. heading [rad] within +-1e6.

@@ -241,13 +241,3 @@ static void write_steps(verge_decider* self, const verge_scene* scene, const vg_
         }
     }
 }
-
-const verge_vehicle_decision* verge_decision_of(const verge_decision* decision, int32_t vehicle_id)
-{
-    for (uint32_t i = 0; i < decision->vehicle_count; ++i) {
-        if (decision->vehicles[i].vehicle_id == vehicle_id) {
-            return &decision->vehicles[i];
-        }
-    }
-    return NULL;
-}

@@ -2,6 +2,7 @@
 /// (keys that appear twice, numbers that overflow) over the whole document once.
 #include "json.h"
 
+#include "decimal.h"
 #include "input.h"
 #include "json_syntax.h"
 
@@ -172,10 +173,11 @@ uint32_t json_expect_array(const json_at* at, uint32_t min, uint32_t max)
         count++;
     }
     if (count < min || count > max) {
+        const char* plural = count == 1 ? "" : "s";
         if (min == max) {
-            json_fail(at, "has %u elements, expected %u", count, min);
+            json_fail(at, "has %u element%s, expected %u", count, plural, min);
         } else {
-            json_fail(at, "has %u elements, expected %u to %u", count, min, max);
+            json_fail(at, "has %u element%s, expected %u to %u", count, plural, min, max);
         }
         return min;
     }
@@ -287,23 +289,30 @@ uint32_t json_choice(const json_at* of, const char* key, const char* const* name
 
 double json_as_double(const json_at* at, double min, double max)
 {
-    if (!cJSON_IsNumber(at->node)) {
-        json_fail(at, "is %s, expected a number from %g to %g", kind_of(at), min, max);
-        return min;
+    char low[DECIMAL_SIZE], high[DECIMAL_SIZE], is[DECIMAL_SIZE];
+    const bool   number = cJSON_IsNumber(at->node);
+    const double value = number ? at->node->valuedouble : min;
+    if (number && value >= min && value <= max) {
+        return value + 0.0; // -0 becomes 0, as it is written
     }
-    const double value = at->node->valuedouble;
-    if (!(value >= min && value <= max)) {
-        json_fail(at, "is %.12g, expected %g to %g", value, min, max);
-        return min;
+    decimal_from_double(min, low);
+    decimal_from_double(max, high);
+    if (!number) {
+        json_fail(at, "is %s, expected a number from %s to %s", kind_of(at), low, high);
+    } else {
+        decimal_from_double(value, is);
+        json_fail(at, "is %s, expected %s to %s", is, low, high);
     }
-    return value + 0.0; // -0 becomes 0, as it is written
+    return min;
 }
 
 int64_t json_as_integer(const json_at* at, int64_t min, int64_t max)
 {
     const double value = json_as_double(at, (double)min, (double)max);
     if (value != floor(value) || fabs(value) > INTEGER_EXACT_MAX) {
-        json_fail(at, "is %.12g, expected a whole number", value);
+        char is[DECIMAL_SIZE];
+        decimal_from_double(value, is);
+        json_fail(at, "is %s, expected a whole number", is);
         return min;
     }
     return (int64_t)value;

@@ -23,7 +23,7 @@ bool planner_def_from_json(const json_at* at, verge_planner_def* def)
         return at->file->error[0] == '\0';
     }
     if (!cJSON_IsObject(at->node)) {
-        return json_fail(at, "is no object, expected one of planner parameters");
+        return json_fail(at, "is no object, expected one with parameters of the planner");
     }
     for (const cJSON* node = at->node->child; node != NULL; node = node->next) {
         const json_at member = json_member(at, node->string);

@@ -224,6 +224,7 @@ static void test_a_wrong_value_names_its_field_and_what_was_expected(void** stat
                 "a.json:number: is missing, expected a number from 0.5 to 2");
     check_field("-3", "-3.5", "a.json:whole: is -3.5, expected -3 to 7");
     check_field("-3", "2.5", "a.json:whole: is 2.5, expected a whole number");
+    check_field("-3", "1234567.125", "a.json:whole: is 1234567.125, expected -3 to 7");
     check_field("true", "1", "a.json:flag: is a number, expected true or false");
     check_field("\"flag\": true, ", "", "");
     check_field("\"t\"", "[]", "a.json:text: is an array, expected a string");
@@ -231,7 +232,7 @@ static void test_a_wrong_value_names_its_field_and_what_was_expected(void** stat
     check_field("\"left\"", "{}", "a.json:word: is an object, expected \"left\" or \"right\"");
     check_field("\"word\": \"left\", ", "",
                 "a.json:word: is missing, expected \"left\" or \"right\"");
-    check_field("[1, 2, 3]", "[1]", "a.json:list: has 1 elements, expected 2 to 3");
+    check_field("[1, 2, 3]", "[1]", "a.json:list: has 1 element, expected 2 to 3");
     check_field("[1, 2, 3]", "{}", "a.json:list: is an object, expected an array");
     check_field("[1, 2, 3]", "[1, 20]", "a.json:list[1]: is 20, expected 0 to 9");
     check_field("7", "\"18446744073709551615\"", "");

@@ -203,7 +203,7 @@ static void test_values_are_checked(void** state)
 {
     (void)state;
     refused("\"width\": 3.75", "\"width\": 0.5", "road.lanes[0].width: is 0.5, expected");
-    refused("[400.0, 0.0]", "[400.0]", "road.lanes[0].centerline[1]: has 1 elements, expected 2");
+    refused("[400.0, 0.0]", "[400.0]", "road.lanes[0].centerline[1]: has 1 element, expected 2");
     refused("[[0.0, 0.0], [400.0, 0.0]]", "[[0.0, 0.0]]", "road.lanes[0].centerline: ");
     refused("[[0.0, 0.0], [400.0, 0.0]]", "[[0.0, 0.0], [0.0, 0.0]]", "road.lanes[0].centerline");
     refused("[400.0, 0.0]", "[240000.0, 0.0]", "road.lanes[0].centerline");

@@ -6,10 +6,11 @@
 #include "motion/follow.h"
 #include "motion/target.h"
 #include "rng.h"
+#include "room.h"
 #include "scene.h"
 
-static vg_batch batch;
-static vg_path path;
+TEST_BATCH(batch);
+TEST_PATH(path);
 static vg_state start;
 
 /// The candidates of the first segment of the scene's vehicle: T [s] from its state on.
@@ -234,7 +235,7 @@ static void test_above_the_speed_limit_every_candidate_slows_down_but_none_has_t
 static double gap_left(const scene* w, uint32_t leg)
 {
     const vg_piece end = vg_profile_at(&batch.legs[leg].profile, 3.0);
-    const vg_track* other = &w->tracks.of[1];
+    const verge_track* other = &w->tracks.of[1];
     const double s = vg_path_project(&path, other->x[0], other->y[0], NAN);
     return s - 2.5 - (end.s + scene_car()->rear_axle + 2.5) - end.v * end.v / (2.0 * VG_FOLLOW_BRAKING);
 }

@@ -1,0 +1,267 @@
+/// Goal: a fallback can be driven, gets slower, and is the gentlest one that meets nobody.
+/// Method: the fallback is asked for directly in single and random scenes; strict.h judges motion
+/// and contacts, a closed form says how far a braking takes.
+#include "check.h"
+#include "motion/workspace.h"
+#include "rng.h"
+#include "scene.h"
+#include "strict.h"
+
+/// The hardest level of the fallback [m/s^2]: what tyres do on a dry road.
+#define BRAKING_MAX 8.0
+/// Brakes build up so fast. [m/s^3]
+#define JERK_MAX 12.0
+
+/// The fallback of the scene's vehicle; its body at all instants is track 0 afterwards.
+static const verge_vehicle_plan* fall_back(scene* w)
+{
+    vg_workspace_begin(w->workspaces[0], &w->jobs[0], &w->tracks);
+    vg_vehicle_fall_back(w->workspaces[0], &w->jobs[0], &w->tracks, &w->plans[0],
+                         VERGE_REASON_COLLISION);
+    w->tracks.of[0] = w->workspaces[0]->body;
+    assert_int_equal(w->plans[0].reason, VERGE_REASON_COLLISION);
+    assert_int_equal(w->plans[0].point_count, w->def.points);
+    return &w->plans[0];
+}
+
+static void check_drivable(const scene* w)
+{
+    char text[160] = "";
+    const char* fault = strict_motion_fault(&w->plans[0], w->def.point_s, text);
+    if (fault != NULL) {
+        fail_msg("%s: %s", fault, text);
+    }
+}
+
+static const verge_point* last_of(const scene* w)
+{
+    return &w->plans[0].points[w->def.points - 1];
+}
+
+static bool touches(const scene* w, uint32_t other)
+{
+    return strict_contact(&w->tracks.of[0], &w->tracks.of[other], w->def.points, w->def.point_s,
+                          0.0) < 1e9;
+}
+
+/// Distance from v to rest: brakes build up to BRAKING_MAX at JERK_MAX, and are released so. [m]
+static double braking_distance(double v)
+{
+    return v * v / (2.0 * BRAKING_MAX) + 0.5 * v * BRAKING_MAX / JERK_MAX;
+}
+
+static void test_alone_a_vehicle_goes_on_at_its_speed(void** state)
+{
+    (void)state;
+    for (double v = 1.0; v <= 24.0; v += 1.0) {
+        scene* w = scene_make(0.0, 0.0);
+        scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, v);
+        assert_int_equal(fall_back(w)->status, VERGE_FALLBACK_KEEP_LANE);
+        for (uint32_t k = 0; k < w->def.points; ++k) {
+            CHECK_NEAR(w->plans[0].points[k].speed, v, 1e-9);
+            CHECK_NEAR(w->plans[0].points[k].y, SCENE_WIDTH, 1e-6);
+        }
+        scene_free(w);
+    }
+}
+
+/// A vehicle on a straight road, other bodies around it that it does not overlap.
+static scene* random_scene(test_rng* rng)
+{
+    scene* w = scene_make(0.0, 0.0);
+    const double v = test_rng_between(rng, 0.0, 25.0), off = test_rng_between(rng, -0.8, 0.8);
+    const double slant = v > 3.0 ? test_rng_between(rng, -0.03, 0.03) : 0.0;
+    const double a = v > 1.0 ? test_rng_between(rng, -3.0, 2.0) : 0.0;
+    scene_vehicle(w, 1, 30.0, off, slant, v, a, v);
+    const uint32_t others = test_rng_below(rng, 6);
+    for (uint32_t i = 0; i < others; ++i) {
+        const double s = test_rng_between(rng, -20.0, 90.0), d = test_rng_between(rng, -1.0, 8.0);
+        const double speed = test_rng_between(rng, 0.0, 20.0);
+        if (fabs(s - 30.0) > 6.0 || fabs(d - SCENE_WIDTH) > 3.4) {
+            scene_track(w, s, d, speed, 0.0);
+        }
+    }
+    return w;
+}
+
+static void test_on_a_straight_road_a_fallback_is_drivable_and_never_faster(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("straight");
+    uint32_t keeps = 0, brakes = 0;
+    for (uint32_t round = 0; round < test_rounds(400); ++round) {
+        scene* w = random_scene(&rng);
+        const verge_vehicle_plan* plan = fall_back(w);
+        check_drivable(w);
+        // An acceleration ends at the jerk limit of normal driving at least: a^2 / (2 j) on top.
+        // Motion across the lane comes on top of the speed along it: 2 %.
+        const double a = fmax(0.0, w->vehicles[0].acceleration);
+        const double v = w->vehicles[0].speed + a * a / (2.0 * w->def.comfort_jerk);
+        const double top = 1.02 * v + 1e-3;
+        for (uint32_t k = 1; k < w->def.points; ++k) {
+            CHECK_AT_MOST(plan->points[k].speed, top);
+            CHECK_AT_MOST(-plan->points[k].acceleration,
+                          fmax(BRAKING_MAX, -w->vehicles[0].acceleration) + 0.1);
+        }
+        keeps += plan->status == VERGE_FALLBACK_KEEP_LANE;
+        brakes += plan->status == VERGE_FALLBACK_BRAKE;
+        scene_free(w);
+    }
+    assert_true(keeps > 0 && brakes > 0);
+}
+
+static void test_on_a_straight_road_a_fallback_stays_in_its_lane(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("lane");
+    for (uint32_t round = 0; round < test_rounds(400); ++round) {
+        scene* w = random_scene(&rng);
+        fall_back(w);
+        for (uint32_t k = 0; k < w->def.points; ++k) {
+            CHECK_AT_MOST(fabs(w->plans[0].points[k].y - SCENE_WIDTH), 0.5 * SCENE_WIDTH);
+        }
+        scene_free(w);
+    }
+}
+
+static void test_a_fallback_that_only_slows_down_meets_nobody_ahead(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("clear");
+    uint32_t met = 0;
+    for (uint32_t round = 0; round < test_rounds(400); ++round) {
+        scene* w = random_scene(&rng);
+        const bool keeps = fall_back(w)->status == VERGE_FALLBACK_KEEP_LANE;
+        // Braking may be worse with someone behind, or with someone who is grazed from the side.
+        bool other = false, touched = false;
+        for (uint32_t j = 1; j < w->tracks.count; ++j) {
+            const double beside = fabs(w->tracks.of[j].y[0] - SCENE_WIDTH);
+            other |= w->tracks.of[j].x[0] < 30.0 || (beside > 1.0 && beside < 3.0);
+            touched |= touches(w, j);
+        }
+        assert_true(other || !keeps || !touched);
+        met += !other && keeps && w->tracks.count > 1;
+        scene_free(w);
+    }
+    assert_true(met > 0);
+}
+
+static void test_it_stops_behind_a_standing_body_wherever_brakes_can(void** state)
+{
+    (void)state;
+    for (double v = 1.0; v <= 19.0; v += 0.5) { // from 19 m/s on the horizon ends before the stop
+        scene* w = scene_make(0.0, 0.0);
+        scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, v);
+        scene_track(w, 30.0 + 5.0 + braking_distance(v) + 0.1 + 0.06 * v, SCENE_WIDTH, 0.0, 0.0);
+        fall_back(w);
+        check_drivable(w);
+        assert_false(touches(w, 1));
+        scene_free(w);
+    }
+}
+
+static void test_more_room_means_a_gentler_fallback(void** state)
+{
+    (void)state;
+    double hardest_before = 100.0;
+    bool kept = false;
+    for (double room = 14.0; room <= 80.0; room += 2.0) {
+        scene* w = scene_make(0.0, 0.0);
+        scene_vehicle(w, 1, 30.0, 0.0, 0.0, 12.0, 0.0, 12.0);
+        scene_track(w, 30.0 + 5.0 + room, SCENE_WIDTH, 0.0, 0.0);
+        const verge_vehicle_plan* plan = fall_back(w);
+        double hardest = 0.0;
+        for (uint32_t k = 0; k < w->def.points; ++k) {
+            hardest = fmax(hardest, -plan->points[k].acceleration);
+        }
+        CHECK_AT_MOST(hardest, hardest_before + 1e-6);
+        assert_true(!kept || plan->status == VERGE_FALLBACK_KEEP_LANE);
+        kept = plan->status == VERGE_FALLBACK_KEEP_LANE;
+        hardest_before = hardest;
+        scene_free(w);
+    }
+    assert_true(kept);
+    CHECK_NEAR(hardest_before, 0.0, 1e-9); // 80 m: beyond the horizon
+}
+
+static void test_before_what_cannot_be_missed_it_brakes_as_hard_as_it_can(void** state)
+{
+    (void)state;
+    for (double v = 10.0; v <= 24.0; v += 2.0) {
+        scene* w = scene_make(0.0, 0.0);
+        scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, v);
+        scene_track(w, 30.0 + 5.0 + 0.85 * braking_distance(v), SCENE_WIDTH, 0.0, 0.0);
+        const verge_vehicle_plan* plan = fall_back(w);
+        assert_int_equal(plan->status, VERGE_FALLBACK_BRAKE);
+        check_drivable(w);
+        double hardest = 0.0;
+        for (uint32_t k = 0; k < w->def.points; ++k) {
+            hardest = fmax(hardest, -plan->points[k].acceleration);
+        }
+        CHECK_NEAR(hardest, BRAKING_MAX, 1e-6);
+        scene_free(w);
+    }
+}
+
+static void test_off_the_road_it_brakes_at_once_and_straight_ahead(void** state)
+{
+    (void)state;
+    for (double slant = -0.5; slant <= 0.5; slant += 0.1) {
+        scene* w = scene_make(0.0, 0.0);
+        scene_vehicle(w, 1, 30.0, 0.0, slant, 10.0, 0.0, 10.0)->on_road = false;
+        assert_int_equal(fall_back(w)->status, VERGE_FALLBACK_BRAKE);
+        check_drivable(w);
+        const verge_point* start = &w->plans[0].points[0];
+        for (uint32_t k = 1; k < w->def.points; ++k) {
+            const verge_point* p = &w->plans[0].points[k];
+            const double x = p->x - start->x, y = p->y - start->y;
+            CHECK_NEAR(y * cos(slant) - x * sin(slant), 0.0, 1e-6);
+            CHECK_NEAR(p->heading, slant, 1e-6);
+        }
+        CHECK_AT_MOST(last_of(w)->speed, 10.0 - 3.0 * 2.0);
+        scene_free(w);
+    }
+}
+
+static void test_at_rest_it_stays_at_rest_behind_another_body(void** state)
+{
+    (void)state;
+    scene* w = scene_make(0.0, 0.0);
+    scene_vehicle(w, 1, 30.0, 0.3, 0.0, 0.0, 0.0, 0.0);
+    scene_track(w, 35.5, SCENE_WIDTH, 0.0, 0.0);
+    fall_back(w);
+    CHECK_SAME_BITS(last_of(w)->speed, 0.0);
+    CHECK_NEAR(last_of(w)->x, 30.0, 1e-9);
+    scene_free(w);
+}
+
+static void test_a_lane_that_ends_is_not_left_over_its_end(void** state)
+{
+    (void)state;
+    for (double v = 2.0; v <= 10.0; v += 1.0) {
+        scene* w = scene_make(0.0, 80.0);
+        assert_true(w->road->lanes[0].dead_end);
+        scene_vehicle(w, 0, 80.0 - 2.5 - braking_distance(v) - 0.3 - 0.1 * v, 0.0, 0.0, v, 0.0, v);
+        fall_back(w);
+        check_drivable(w);
+        CHECK_AT_MOST(last_of(w)->x + 2.5, 80.0);
+        scene_free(w);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_alone_a_vehicle_goes_on_at_its_speed),
+        cmocka_unit_test(test_on_a_straight_road_a_fallback_is_drivable_and_never_faster),
+        cmocka_unit_test(test_on_a_straight_road_a_fallback_stays_in_its_lane),
+        cmocka_unit_test(test_a_fallback_that_only_slows_down_meets_nobody_ahead),
+        cmocka_unit_test(test_it_stops_behind_a_standing_body_wherever_brakes_can),
+        cmocka_unit_test(test_more_room_means_a_gentler_fallback),
+        cmocka_unit_test(test_before_what_cannot_be_missed_it_brakes_as_hard_as_it_can),
+        cmocka_unit_test(test_off_the_road_it_brakes_at_once_and_straight_ahead),
+        cmocka_unit_test(test_at_rest_it_stays_at_rest_behind_another_body),
+        cmocka_unit_test(test_a_lane_that_ends_is_not_left_over_its_end),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -67,7 +67,7 @@ static void test_every_cost_equals_the_straight_form(void** state)
         }
         scene_free(w);
     }
-    assert_true(near > 0);
+    assert_true(!test_rounds_suffice() || near > 0);
 }
 
 static void test_a_later_segment_costs_what_the_straight_form_says(void** state)
@@ -145,7 +145,8 @@ static void test_marks_say_which_limits_are_broken(void** state)
         }
         scene_free(w);
     }
-    assert_true(hard[0] > 0 && hard[1] > 0 && comfort[0] > 0 && comfort[1] > 0);
+    assert_true(!test_rounds_suffice()
+                || (hard[0] > 0 && hard[1] > 0 && comfort[0] > 0 && comfort[1] > 0));
 }
 
 /// The body of a candidate at the batch's instants.
@@ -218,7 +219,7 @@ static void test_what_raises_no_alarm_touches_nobody(void** state)
         scene_free(w);
     }
     printf("             %u alarms for %u contacts\n", alarms, contacts);
-    assert_true(contacts > 0 && alarms < 3 * contacts); // the exact test is not run for nothing
+    assert_true(!test_rounds_suffice() || (contacts > 0 && alarms < 3 * contacts));
 }
 
 static void test_neighbours_in_the_loop_do_not_change_a_candidate(void** state)

@@ -97,7 +97,7 @@ static void test_no_contact_between_samples_is_missed(void** state)
         contacts += found <= LAST;
         passes += found > LAST;
     }
-    assert_true(contacts > 0 && passes > 0);
+    assert_true(!test_rounds_suffice() || (contacts > 0 && passes > 0));
 }
 
 static void test_a_reported_contact_is_one_within_a_fifth_of_the_step(void** state)

@@ -107,7 +107,7 @@ static void test_on_a_straight_road_a_fallback_is_drivable_and_never_faster(void
         brakes += plan->status == VERGE_FALLBACK_BRAKE;
         scene_free(w);
     }
-    assert_true(keeps > 0 && brakes > 0);
+    assert_true(!test_rounds_suffice() || (keeps > 0 && brakes > 0));
 }
 
 static void test_on_a_straight_road_a_fallback_stays_in_its_lane(void** state)
@@ -143,7 +143,7 @@ static void test_a_fallback_that_only_slows_down_meets_nobody_ahead(void** state
         met += !other && keeps && w->tracks.count > 1;
         scene_free(w);
     }
-    assert_true(met > 0);
+    assert_true(!test_rounds_suffice() || met > 0);
 }
 
 static void test_it_stops_behind_a_standing_body_wherever_brakes_can(void** state)

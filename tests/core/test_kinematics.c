@@ -210,7 +210,7 @@ static void test_a_link_begins_at_the_state_and_ends_at_its_offset(void** state)
         in_way += leg.by_way;
         in_time += !leg.by_way;
     }
-    assert_true(in_way > 0 && in_time > 0);
+    assert_true(!test_rounds_suffice() || (in_way > 0 && in_time > 0));
     scene_free(w);
 }
 

@@ -1,8 +1,9 @@
-// The joint search: against the enumeration of every plan on small scenes, and its parts (Eq. 1,
-// walk over joint actions, draws, budget) one by one. Includes the source to reach them.
+// The joint search: against the enumeration of every plan and of every tree on small scenes, and by
+// what it draws where no plan is better than another.
 #include "decide.h"
 
-#include "decide/mcts.c"
+#include "base/random.h"
+#include "decide/mcts.h"
 
 enum { arena_size = 24 << 20, many_nodes = 60000 };
 
@@ -46,6 +47,18 @@ static double run(played* self, uint64_t seed, const vg_joint_actions* warm)
 
 // ---------------------------------------------------------------------------- every plan there is
 
+/// The joint action of this number in base VERGE_ACTION_COUNT. False: not legal.
+static bool legal_joint_action(const stage* at, const vg_moves* moves, uint32_t number,
+                               uint8_t* actions)
+{
+    bool legal = true;
+    for (uint32_t i = 0; i < at->scene.controlled_count; ++i, number /= VERGE_ACTION_COUNT) {
+        actions[i] = (uint8_t)(number % VERGE_ACTION_COUNT);
+        legal = legal && ((moves->legal[i] >> actions[i]) & 1u) != 0;
+    }
+    return legal;
+}
+
 /// The best reward of all plans without conflict from here on; -1 if there is none.
 static double best_of_all(const stage* at, const vg_flow* flow, uint32_t step_index)
 {
@@ -63,12 +76,7 @@ static double best_of_all(const stage* at, const vg_flow* flow, uint32_t step_in
     }
     for (uint32_t number = 0; number < combinations; ++number) {
         uint8_t actions[VERGE_CONTROLLED_MAX] = { 0 };
-        bool legal = true;
-        for (uint32_t i = 0, rest = number; i < count; ++i, rest /= VERGE_ACTION_COUNT) {
-            actions[i] = (uint8_t)(rest % VERGE_ACTION_COUNT);
-            legal = legal && ((moves.legal[i] >> actions[i]) & 1u) != 0;
-        }
-        if (legal && vg_flow_conflicts(&at->scene, flow, &moves, actions) == 0) {
+        if (legal_joint_action(at, &moves, number, actions) && vg_flow_conflicts(&at->scene, flow, &moves, actions) == 0) {
             vg_flow next = *flow;
             vg_flow_advance(&at->scene, flow, &moves, actions, &next);
             best = fmax(best, best_of_all(at, &next, step_index + 1));
@@ -270,20 +278,6 @@ static void the_budget_is_spent_to_the_last_iteration(void** state)
     close_search(self);
 }
 
-static void shares_fall_as_one_over_half_the_step_plus_one(void** state)
-{
-    (void)state;
-    for (uint32_t steps = 2; steps <= VERGE_STEPS_MAX; ++steps) {
-        uint32_t sum = 0;
-        for (uint32_t t = 0; t < steps; ++t) {
-            const double ratio = (double)share_of(1000000, t, steps) / share_of(1000000, 0, steps);
-            CHECK_NEAR(ratio, 1.0 / (t / 2.0 + 1.0), 1e-4);
-            sum += share_of(3000, t, steps);
-        }
-        CHECK_BETWEEN(sum, 3000.0 - steps, 3000.0);
-    }
-}
-
 static void a_full_pool_is_counted_and_does_not_end_the_search(void** state)
 {
     (void)state;
@@ -330,195 +324,136 @@ static void one_seed_one_plan_and_other_seeds_other_searches(void** state)
     close_search(self);
 }
 
-// ---------------------------------------------------------------------------- parts
+// ---------------------------------------------------------------------------- the tree
 
-/// A search whose vehicles are far from one another; legal sets are set by hand.
-static void set_apart(search* to, played* self, uint32_t planned, vg_random* random)
+/// What a complete tree of a scene holds: nodes, and joint actions that were pruned.
+typedef struct tree_size {
+    uint32_t nodes, pruned;
+} tree_size;
+
+/// Adds all nodes below a flow.
+static void add_below(const stage* at, const vg_flow* flow, uint32_t step_index, tree_size* size)
 {
-    stage_clear(self->at);
-    for (uint32_t i = 0; i < planned; ++i) {
-        (void)stage_add(self->at, true, 1, 100.0 + 80.0 * i, 0.0, 10.0, -1);
+    if (step_index == at->def.steps || vg_flow_terminal(&at->scene, flow)) {
+        return;
     }
-    stage_begin(self->at);
-    memset(&self->decision.report, 0, sizeof self->decision.report);
-    memset(to, 0, sizeof *to);
-    to->tree = self->tree;
-    to->scene = &self->at->scene;
-    to->random = random;
-    to->report = &self->decision.report;
-    to->flow = &to->buffer[0];
-    to->next = &to->buffer[1];
-    *to->flow = self->at->root;
-    vg_flow_moves(&self->at->scene, to->flow, &to->moves);
-}
-
-static uint64_t key_of(const uint8_t* actions, uint32_t count)
-{
-    uint64_t key = 0;
-    for (uint32_t i = 0; i < count; ++i) {
-        key = key * VERGE_ACTION_COUNT + actions[i];
+    vg_moves moves;
+    memset(&moves, 0, sizeof moves);
+    vg_flow_moves(&at->scene, flow, &moves);
+    uint32_t combinations = 1;
+    for (uint32_t i = 0; i < at->scene.controlled_count; ++i) {
+        combinations *= VERGE_ACTION_COUNT;
     }
-    return key;
-}
-
-static void a_node_meets_each_of_its_joint_actions_once(void** state)
-{
-    (void)state;
-    test_rng rng = test_rng_seeded("walk");
-    played* self = open_search(3, 2000.0);
-    for (uint32_t k = 0; k < test_rounds(100); ++k) {
-        vg_random random = vg_random_from(k, 1);
-        const uint32_t planned = 1 + test_rng_below(&rng, 5);
-        search with;
-        set_apart(&with, self, planned, &random);
-        uint32_t product = 1;
-        for (uint32_t i = 0; i < planned; ++i) {
-            with.moves.legal[i] = (uint8_t)(1 + test_rng_below(&rng, 31));
-            product *= (uint32_t)__builtin_popcount(with.moves.legal[i]);
-        }
-        static uint8_t met[3125];
-        memset(met, 0, sizeof met);
-        vg_metanode node = { .opened = 0 };
-        open_node(&with, &node);
+    for (uint32_t number = 0; number < combinations; ++number) {
         uint8_t actions[VERGE_CONTROLLED_MAX] = { 0 };
-        uint32_t count = 0;
-        while (next_joint_action(&with, &node, actions)) {
-            for (uint32_t i = 0; i < planned; ++i) {
-                assert_true(((with.moves.legal[i] >> actions[i]) & 1u) != 0);
-            }
-            assert_int_equal(met[key_of(actions, planned)]++, 0);
-            count++;
+        if (!legal_joint_action(at, &moves, number, actions)) {
+            continue;
         }
-        assert_int_equal(count, product);
-        assert_true(node.joint_left == 0);
+        if (vg_flow_conflicts(&at->scene, flow, &moves, actions) != 0) {
+            ++size->pruned;
+            continue;
+        }
+        vg_flow next = *flow;
+        vg_flow_advance(&at->scene, flow, &moves, actions, &next);
+        ++size->nodes;
+        add_below(at, &next, step_index + 1, size);
     }
-    close_search(self);
 }
 
-static void the_first_children_of_a_large_node_differ_in_every_vehicle(void** state)
+static void a_search_with_time_enough_meets_each_joint_action_of_each_node_once(void** state)
 {
     (void)state;
+    test_rng rng = test_rng_seeded("complete tree");
     played* self = open_search(3, 2000.0);
-    uint32_t whole = 0;
-    enum { nodes = 60, children = 500 };
-    for (uint32_t k = 0; k < nodes; ++k) {
-        vg_random random = vg_random_from(k, 1);
-        search with;
-        set_apart(&with, self, VERGE_CONTROLLED_MAX, &random);
-        memset(with.moves.legal, 31, sizeof with.moves.legal); // 5^16 joint actions
-        uint32_t seen[VERGE_CONTROLLED_MAX] = { 0 };
-        vg_metanode node = { .opened = 0 };
-        open_node(&with, &node);
-        for (uint32_t n = 0; n < children; ++n) {
-            uint8_t actions[VERGE_CONTROLLED_MAX] = { 0 };
-            assert_true(next_joint_action(&with, &node, actions));
-            for (uint32_t i = 0; i < VERGE_CONTROLLED_MAX; ++i) {
-                seen[i] |= 1u << actions[i];
-            }
-        }
-        for (uint32_t i = 0; i < VERGE_CONTROLLED_MAX; ++i) {
-            whole += seen[i] == 31u;
-        }
+    stage* at = self->at;
+    uint32_t conflicts = 0;
+    for (uint32_t k = 0; k < test_rounds(30); ++k) {
+        stage_fill(at, &rng, 1 + test_rng_below(&rng, 2), test_rng_below(&rng, 4), 100.0, 140.0,
+                   7.0);
+        at->def.steps = 2;
+        at->def.search = VERGE_SEARCH_PAPER;
+        at->def.iterations = 60000;
+        at->def.nodes_max = many_nodes;
+        at->def.vehicles_max = 8;
+        at->def.controlled_max = 2;
+        (void)run(self, k, NULL);
+        tree_size all = { .nodes = 1 }; // the root
+        add_below(at, &at->root, 0, &all);
+        assert_int_equal(self->decision.report.nodes, all.nodes);
+        assert_int_equal(self->decision.report.pruned, all.pruned);
+        conflicts += all.pruned;
     }
-    // A stride may be in step with one vehicle's digit, seldom.
-    CHECK_BETWEEN(whole, 0.95 * nodes * VERGE_CONTROLLED_MAX, nodes * VERGE_CONTROLLED_MAX);
+    assert_true(!test_rounds_suffice() || conflicts > 0);
     close_search(self);
 }
 
-/// Chi-square of counts against equal shares.
-static double chi_square(const uint32_t* counts, uint32_t cells, double expected)
+/// How often an action was drawn, less how often it was expected, in standard deviations.
+typedef struct tally {
+    double excess, variance;
+} tally;
+
+static void count(tally* to, bool drawn, double chance)
 {
-    double sum = 0.0;
-    for (uint32_t c = 0; c < cells; ++c) {
-        sum += (counts[c] - expected) * (counts[c] - expected) / expected;
-    }
-    return sum;
+    to->excess += (drawn ? 1.0 : 0.0) - chance;
+    to->variance += chance * (1.0 - chance);
 }
 
-static void simulated_actions_are_uniform_and_independent_of_one_another(void** state)
+static double deviations(const tally* of)
+{
+    return of->variance > 0.0 ? fabs(of->excess) / sqrt(of->variance) : 0.0;
+}
+
+/// Where every plan earns the same the first one stays: one random simulation. Its first step is a
+/// node's first joint action, the others are drawn by the simulation.
+static void without_preference_actions_are_uniform_and_independent(void** state)
 {
     (void)state;
-    enum { planned = 6, draws = 20000 };
-    static const uint8_t legal[planned] = { 31, 7, 3, 15, 9, 31 };
-    static uint32_t alone[planned][5], pairs[planned][planned][25], next[planned][25];
+    enum { planned = 4, draws = 4000 };
+    static tally alone[2][planned][VERGE_ACTION_COUNT];
+    static tally pairs[planned][planned][VERGE_ACTION_COUNT][VERGE_ACTION_COUNT];
     memset(alone, 0, sizeof alone);
     memset(pairs, 0, sizeof pairs);
-    memset(next, 0, sizeof next);
-    played* self = open_search(3, 2000.0);
-    vg_random random = vg_random_from(3, 0);
-    search with;
-    set_apart(&with, self, planned, &random);
-    memcpy(with.moves.legal, legal, sizeof legal);
-    uint8_t before[VERGE_CONTROLLED_MAX] = { 0 };
-    for (uint32_t n = 0; n < draws; ++n) {
-        uint8_t actions[VERGE_CONTROLLED_MAX] = { 0 };
-        draw(&with, actions, ~0u);
-        for (uint32_t i = 0; i < planned; ++i) {
-            alone[i][actions[i]]++;
-            next[i][5 * before[i] + actions[i]] += n > 0;
-            for (uint32_t j = 0; j < planned; ++j) {
-                pairs[i][j][5 * actions[i] + actions[j]]++;
-            }
-        }
-        memcpy(before, actions, sizeof before);
+    played* self = open_search(3, 4000.0);
+    stage* at = self->at;
+    at->def.reward_target = at->def.reward_lane = at->def.reward_consistency = 0.0;
+    at->def.reward_room = 0.0;
+    at->def.iterations = 5; // one of them is the tree's
+    for (uint32_t i = 0; i < planned; ++i) { // far apart: nobody is in another one's path
+        (void)stage_add(at, true, 1, 100.0 + 500.0 * i, 0.0, 8.0, i % 2 == 0 ? 0 : 2);
     }
-    for (uint32_t i = 0; i < planned; ++i) {
-        const uint32_t size = (uint32_t)__builtin_popcount(legal[i]);
-        uint32_t packed[25], cells = 0;
-        for (uint32_t a = 0; a < 5; ++a) {
-            if (((legal[i] >> a) & 1u) != 0) {
-                packed[cells++] = alone[i][a];
-            } else {
-                assert_int_equal(alone[i][a], 0);
-            }
-        }
-        CHECK_AT_MOST(chi_square(packed, cells, (double)draws / size), 25.0); // p < 1e-4, 4 free
-        for (uint32_t j = 0; j < planned; ++j) {
-            const uint32_t* table = j == i ? next[i] : pairs[i][j]; // with itself: one draw later
-            const uint32_t both = size * (uint32_t)__builtin_popcount(legal[j]);
-            cells = 0;
-            for (uint32_t a = 0; a < 25; ++a) {
-                if (((legal[i] >> (a / 5)) & (legal[j] >> (a % 5)) & 1u) != 0) {
-                    packed[cells++] = table[a];
+    stage_begin(at);
+    for (uint32_t n = 0; n < draws; ++n) {
+        (void)run(self, n, NULL);
+        for (uint32_t t = 0; t < 2; ++t) {
+            const uint8_t* actions = self->decision.line.actions[t];
+            vg_moves moves;
+            memset(&moves, 0, sizeof moves);
+            vg_flow_moves(&at->scene, &self->decision.flows[t], &moves);
+            for (uint32_t i = 0; i < planned; ++i) {
+                const double size = __builtin_popcount(moves.legal[i]);
+                for (uint8_t a = 0; a < VERGE_ACTION_COUNT; ++a) {
+                    const bool legal = (moves.legal[i] >> a & 1) != 0;
+                    assert_true(legal || actions[i] != a);
+                    count(&alone[t][i][a], actions[i] == a, legal ? 1.0 / size : 0.0);
+                    const uint32_t j = (i + 1) % planned;
+                    const double other = __builtin_popcount(moves.legal[j]);
+                    for (uint8_t b = 0; b < VERGE_ACTION_COUNT && t == 1; ++b) {
+                        const bool both = legal && (moves.legal[j] >> b & 1) != 0;
+                        count(&pairs[i][j][a][b], actions[i] == a && actions[j] == b,
+                              both ? 1.0 / (size * other) : 0.0);
+                    }
                 }
             }
-            assert_int_equal(cells, both);
-            CHECK_AT_MOST(chi_square(packed, cells, (double)draws / both), 60.0); // 24 free
         }
     }
-    close_search(self);
-}
-
-static void selection_is_the_uct_of_equation_1(void** state)
-{
-    (void)state;
-    test_rng rng = test_rng_seeded("uct");
-    played* self = open_search(3, 2000.0);
-    stage_fill(self->at, &rng, 2, 0, 100.0, 250.0, 12.0);
-    (void)run(self, 1, NULL);
-    for (uint32_t k = 0; k < test_rounds(3000); ++k) {
-        vg_random random = vg_random_from(k, 1);
-        search with;
-        set_apart(&with, self, 2, &random);
-        const uint32_t children = 2 + test_rng_below(&rng, 20);
-        vg_metanode* nodes = self->tree->nodes;
-        uint32_t total = 1;
-        for (uint32_t c = 1; c <= children; ++c) {
-            const uint32_t visits = 1 + test_rng_below(&rng, k % 2 == 0 ? 50 : 9000);
-            nodes[c] = (vg_metanode){ .parent = 0, .first_child = none, .visits = visits,
-                                      .next_sibling = c < children ? (int32_t)c + 1 : none };
-            nodes[c].mean = test_rng_unit(&rng);
-            total += visits;
+    for (uint32_t i = 0; i < planned; ++i) {
+        for (uint8_t a = 0; a < VERGE_ACTION_COUNT; ++a) {
+            CHECK_AT_MOST(deviations(&alone[0][i][a]), 4.5);
+            CHECK_AT_MOST(deviations(&alone[1][i][a]), 4.5);
+            for (uint8_t b = 0; b < VERGE_ACTION_COUNT; ++b) {
+                CHECK_AT_MOST(deviations(&pairs[i][(i + 1) % planned][a][b]), 4.5);
+            }
         }
-        nodes[0] = (vg_metanode){ .parent = none, .first_child = 1, .visits = total };
-        const double exploration = self->at->def.exploration;
-        double values[32], best = -1.0;
-        for (uint32_t c = 1; c <= children; ++c) {
-            const double n = nodes[c].visits;
-            values[c] = nodes[c].mean + 2.0 * exploration * sqrt(2.0 * log(total) / n);
-            best = fmax(best, values[c]);
-        }
-        CHECK_NEAR(values[uct_child(&with, &nodes[0])], best, 1e-12);
     }
     close_search(self);
 }
@@ -532,13 +467,10 @@ int main(void)
         cmocka_unit_test(a_warm_line_that_fails_does_not_become_the_plan),
         cmocka_unit_test(a_plan_must_beat_the_warm_line_by_the_margin_of_those_it_changes),
         cmocka_unit_test(the_budget_is_spent_to_the_last_iteration),
-        cmocka_unit_test(shares_fall_as_one_over_half_the_step_plus_one),
         cmocka_unit_test(a_full_pool_is_counted_and_does_not_end_the_search),
         cmocka_unit_test(one_seed_one_plan_and_other_seeds_other_searches),
-        cmocka_unit_test(a_node_meets_each_of_its_joint_actions_once),
-        cmocka_unit_test(the_first_children_of_a_large_node_differ_in_every_vehicle),
-        cmocka_unit_test(simulated_actions_are_uniform_and_independent_of_one_another),
-        cmocka_unit_test(selection_is_the_uct_of_equation_1),
+        cmocka_unit_test(a_search_with_time_enough_meets_each_joint_action_of_each_node_once),
+        cmocka_unit_test(without_preference_actions_are_uniform_and_independent),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,6 +11,7 @@
 #define TEST_RNG_H
 
 #include <inttypes.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -69,6 +70,12 @@ static inline uint32_t test_rounds(uint32_t usual)
     const double scale = text != NULL ? strtod(text, NULL) : 1.0;
     const double rounds = (double)usual * scale;
     return rounds >= 1.0 && rounds <= 4e9 ? (uint32_t)rounds : 1;
+}
+
+/// Are the rounds the usual number at least? Then every kind of case must have been met.
+static inline bool test_rounds_suffice(void)
+{
+    return test_rounds(1000) >= 1000;
 }
 
 #endif

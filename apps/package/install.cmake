@@ -89,6 +89,7 @@ endforeach()
 # name of the program:name of its file, in tools/
 set(VERGE_TOOLS_DIR ${CMAKE_INSTALL_DATADIR}/verge/tools)
 file(RELATIVE_PATH VERGE_TOOLS_FROM_BIN /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${VERGE_TOOLS_DIR})
+file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/bin ${CMAKE_BINARY_DIR}/package)
 foreach(pair verge-plot:plot.py verge-replay-html:replay_html.py)
     string(REPLACE ":" ";" pair ${pair})
     list(GET pair 0 program)

@@ -25,9 +25,7 @@ void vg_flow_advance(const vg_model* model, const vg_flow* flow, const vg_moves*
         next->rate[slot] = flow->rate[slot];
         assign_lane(model, flow, next, slot, action);
     }
-    for (uint32_t i = 0; i < model->controlled_count; ++i) {
-        vg_flow_earn(model, flow, moves, next, i, actions[i]);
-    }
+    vg_flow_earn(model, flow, moves, next, actions);
 }
 
 void vg_flow_follow(const vg_model* model, const vg_flow* flow, double dt, vg_flow* next)

@@ -54,42 +54,63 @@ VG_INLINE bool is_visible(const vg_model* model, const vg_flow* flow, uint32_t i
     return model->single_axis || flow->station[i] > vg_pair_row(model, i)[j].touch - merge_sight;
 }
 
-// The innermost loop of the search: what it reads stands in locals, and the case of a single axis is
-// compiled apart.
-VG_INLINE vg_neighbours scan(const vg_model* model, const vg_flow* flow, uint32_t i, float station, float y,
-                   const float* restrict stations, const float* restrict v, vg_neighbours w, bool single_axis)
+// What one look of a vehicle reads and finds.
+typedef struct look {
+    const vg_model* model;
+    const vg_flow*  flow;
+    uint32_t i;           // the observing slot
+    float    station, y;  // where it looks from
+    const float *stations, *v; // of all slots
+    vg_neighbours found;
+} look;
+
+// The innermost loop of the search, over the slots from `from` to `to`, which do not hold the observer:
+// what it reads stands in locals, and the case of a single axis is compiled apart.
+VG_INLINE void scan(look* self, uint32_t from, uint32_t to, bool single_axis)
 {
-    const float* restrict ys = flow->y;
+    const vg_model* model = self->model;
+    const float* restrict ys = self->flow->y;
+    const float* restrict stations = self->stations;
     const float* restrict half_width = model->half_width;
-    const vg_pair* restrict row = vg_pair_row(model, i);
-    const float width = model->half_width[i] + VG_PATH_AIR, rate = flow->rate[i];
-    const uint32_t count = model->count;
-    for (uint32_t j = 0; j < count; ++j) {
+    const float* restrict half_length = model->half_length;
+    const vg_pair* restrict row = vg_pair_row(model, self->i);
+    const float width = model->half_width[self->i] + VG_PATH_AIR, rate = self->flow->rate[self->i];
+    const float station = self->station, y = self->y;
+    vg_neighbours w = self->found;
+    for (uint32_t j = from; j < to; ++j) {
         const float dy = single_axis ? ys[j] - y : ys[j] - y + row[j].lateral;
-        const float reach = width + half_width[j];
-        if (dy >= reach || dy <= -reach || j == i || (!single_axis && !is_visible(model, flow, i, j))) {
+        if (__builtin_fabsf(dy) >= width + half_width[j]
+            || (!single_axis && !is_visible(model, self->flow, self->i, j))) {
             continue;
         }
         const float ds = single_axis ? (stations[j] - station) * rate
-                               : vg_gap_along(model, i, j, rate, station, stations[j]);
-        const float gap = vg_fabsf(ds) - model->half_length[j];
+                                     : vg_gap_along(model, self->i, j, rate, station, stations[j]);
+        const float gap = __builtin_fabsf(ds) - half_length[j];
         if (ds > 0.0f && gap < w.gap_ahead) {
             w.gap_ahead = gap;
-            w.v_ahead = v[j];
+            w.v_ahead = self->v[j];
         } else if (ds <= 0.0f && gap < w.gap_behind) {
             w.gap_behind = gap;
-            w.v_behind = v[j];
+            w.v_behind = self->v[j];
         }
     }
-    return w;
+    self->found = w;
 }
 
 vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i, float station, float y,
-                   const float* stations, const float* v, float free_ahead)
+                         const float* stations, const float* v, float free_ahead)
 {
-    const vg_neighbours open = { .gap_ahead = free_ahead, .gap_behind = VG_FAR_AWAY };
-    return model->single_axis ? scan(model, flow, i, station, y, stations, v, open, true)
-                        : scan(model, flow, i, station, y, stations, v, open, false);
+    VERGE_ASSERT(i < model->count);
+    look self = { model, flow, i, station, y, stations, v,
+                  { .gap_ahead = free_ahead, .gap_behind = VG_FAR_AWAY } };
+    if (model->single_axis) {
+        scan(&self, 0, i, true);
+        scan(&self, i + 1u, model->count, true);
+    } else {
+        scan(&self, 0, i, false);
+        scan(&self, i + 1u, model->count, false);
+    }
+    return self.found;
 }
 
 void vg_flow_neighbours(const vg_model* model, const vg_flow* flow, uint32_t slot, int32_t* ahead,

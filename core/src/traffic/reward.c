@@ -10,7 +10,7 @@ static float lane_value(const vg_model* model, const vg_flow* flow, uint32_t slo
     return vg_fabsf(flow->d[slot]) <= VG_REACHED_OFFSET ? model->lane_value[slot][flow->lane[slot]] : 0.0f;
 }
 
-// Speed in parts of what the place asks for, relate cruise_share; too fast is as bad. [1] 0 .. 1
+// Speed in parts of what the place asks for, see cruise_share; too fast is as bad. [1] 0 .. 1
 static float speed_share(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
     const float v = flow->v[slot], limit = flow->limit[slot];
@@ -30,8 +30,8 @@ static float gap_penalty(const vg_model* model, const vg_flow* before, const vg_
     return room < wanted ? 1.0f - room / wanted : 0.0f;
 }
 
-void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
-                 uint32_t slot, uint8_t action)
+VG_INLINE void earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
+                    uint32_t slot, uint8_t action)
 {
     const verge_planner_def* def = model->def;
     const float share = 1.0f / (float)def->steps;
@@ -49,6 +49,14 @@ void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* 
     next->credit[slot] = credit;
     next->driven[slot] = driven;
     next->previous[slot] = action;
+}
+
+void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
+                  const uint8_t* actions)
+{
+    for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
+        earn(model, before, moves, next, slot, actions[slot]);
+    }
 }
 
 bool vg_flow_in_target(const vg_model* model, const vg_flow* flow, uint32_t slot)
@@ -70,7 +78,7 @@ bool vg_flow_terminal(const vg_model* model, const vg_flow* flow)
     return wanted;
 }
 
-// A terminal flow drives on as it is: its remaining steps vg_flow_earn what the last one would.
+// A terminal flow drives on as it is: its remaining steps earn what the last one would.
 double vg_flow_reward(const vg_model* model, const vg_flow* flow, uint32_t step, bool whole)
 {
     const verge_planner_def* def = model->def;

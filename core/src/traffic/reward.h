@@ -8,9 +8,9 @@
 extern "C" {
 #endif
 
-/// Adds what a controlled slot earns by the action that led from `before` to `next`.
+/// Adds what each controlled slot earns by the action that led from `before` to `next`.
 void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
-                  uint32_t slot, uint8_t action);
+                  const uint8_t* actions);
 
 /// All have driven target_distance in their target lanes (or have no target).
 bool vg_flow_terminal(const vg_model* model, const vg_flow* flow);

@@ -1,4 +1,4 @@
-// Segments against the flows of the decision they are made of; action steps of the decision stage.
+// Action steps against vehicles moved by hand; segments against the decision they are made of.
 #include "decide.h"
 
 #include "motion/job.h"
@@ -26,8 +26,93 @@ static void decide(stage* at, uint64_t seed)
     stage_decide(at, vg_random_from(seed, 0), &decision);
 }
 
-/// The decision stage drives its flow on by exactly the actions it names, and says who is around.
-static void action_steps_are_the_flows_step_by_step(void** state)
+/// A vehicle on the stage's straight lanes, as its actions move it: lateral position from lane 0's
+/// centre, and the paper's Table 1 by hand.
+typedef struct by_hand {
+    double s, y, v, distance;
+} by_hand;
+
+static by_hand drive_by_hand(const verge_planner_def* def, by_hand from, verge_action action)
+{
+    const double T = def->step_s, a = def->deceleration;
+    by_hand to = from;
+    to.distance = from.v * T;
+    if (action == VERGE_ACCELERATE) {
+        to.v = from.v + def->acceleration * T;
+        to.distance = 0.5 * (from.v + to.v) * T;
+    } else if (action == VERGE_DECELERATE) {
+        to.v = fmax(0.0, from.v - a * T);
+        to.distance = (from.v * from.v - to.v * to.v) / (2.0 * a); // it may stop within the step
+    }
+    to.s = from.s + to.distance;
+    return to;
+}
+
+/// Distance to the nearest centreline. [m]
+static double off_centre(double y)
+{
+    return fabs(y - STAGE_WIDTH * floor(y / STAGE_WIDTH + 0.5));
+}
+
+/// To the named side by half a lane at most; where a lane is kept, towards a centreline.
+static void check_side(verge_action action, double y0, double y1)
+{
+    const double half = 0.5 * STAGE_WIDTH + 1e-4;
+    if (action == VERGE_CHANGE_LEFT) {
+        CHECK_BETWEEN(y1 - y0, 0.0, half);
+    } else if (action == VERGE_CHANGE_RIGHT) {
+        CHECK_BETWEEN(y0 - y1, 0.0, half);
+    } else {
+        CHECK_AT_MOST(off_centre(y1), off_centre(y0) + 1e-4);
+    }
+}
+
+static double y_of(const verge_action_step* step)
+{
+    return STAGE_WIDTH * step->lane_id + step->d;
+}
+
+/// Nobody in the vehicle's path stands between it and the one named ahead of it.
+static void check_ahead(const verge_decision* all, uint32_t slot, uint32_t t)
+{
+    const verge_action_step* own = &all->vehicles[slot].steps[t];
+    const verge_vehicle_decision* named = verge_decision_of(all, own->ahead_id);
+    const double reach = named != NULL ? named->steps[t].s : own->s + 100.0;
+    assert_true(own->ahead_id == -1 || named->steps[t].s > own->s);
+    for (uint32_t j = 0; j < all->vehicle_count; ++j) {
+        const verge_action_step* other = &all->vehicles[j].steps[t];
+        const bool in_path = fabs(y_of(other) - y_of(own)) < 1.5; // of bodies 2 m wide
+        assert_false(j != slot && in_path && other->s > own->s + 0.01 && other->s < reach - 0.01);
+    }
+}
+
+static void check_steps(const stage* at, const verge_decision* all, uint32_t slot)
+{
+    const verge_vehicle_decision* vehicle = &all->vehicles[slot];
+    const verge_vehicle* start = &at->vehicles[slot]; // lanes lead along x
+    by_hand now = { start->x, start->y, start->speed, 0.0 };
+    assert_int_equal(vehicle->vehicle_id, at->vehicles[slot].id);
+    assert_int_equal(vehicle->step_count, at->def.steps);
+    for (uint32_t t = 0; t < vehicle->step_count; ++t) {
+        const verge_action_step* step = &vehicle->steps[t];
+        now = drive_by_hand(&at->def, now, step->action);
+        CHECK_NEAR(step->t0, at->def.step_s * t, 1e-12);
+        CHECK_NEAR(step->t1, at->def.step_s * (t + 1), 1e-12);
+        CHECK_NEAR(step->v, now.v, 1e-4);
+        CHECK_NEAR(step->s, now.s, 5e-3);
+        CHECK_NEAR(step->distance, now.distance, 2e-3);
+        CHECK_AT_MOST(fabs(step->d), 0.5 * STAGE_WIDTH + 0.1); // in the lane that is named
+        check_side(step->action, now.y, y_of(step));
+        now.y = y_of(step);
+        assert_int_equal(step->turn_signal, (step->action == VERGE_CHANGE_LEFT)
+                                                - (step->action == VERGE_CHANGE_RIGHT));
+        assert_int_equal(step->brake_light, step->action == VERGE_DECELERATE);
+        check_ahead(all, slot, t);
+    }
+}
+
+/// All vehicles are planned, so that every position after every step is known.
+static void action_steps_tell_where_the_actions_lead_and_who_is_ahead(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("action steps");
@@ -40,40 +125,14 @@ static void action_steps_are_the_flows_step_by_step(void** state)
     verge_decider* decider = NULL;
     assert_int_equal(verge_decider_init(&decider, &at->def, memory, size), VERGE_OK);
     for (uint32_t k = 0; k < test_rounds(100); ++k) {
-        stage_fill(at, &rng, 1 + test_rng_below(&rng, 5), test_rng_below(&rng, 5), 100.0, 300.0,
-                   15.0);
+        stage_fill(at, &rng, 1 + test_rng_below(&rng, 8), 0, 100.0, 300.0, 15.0);
         verge_decision steps = { .vehicles_max = VERGE_CONTROLLED_MAX, .vehicles = vehicles };
         verge_commitment commitment = { .decisions = k };
         assert_int_equal(verge_decide(decider, &at->given, &commitment, &steps), VERGE_OK);
-        assert_int_equal(steps.vehicle_count, at->scene.controlled_count);
+        assert_int_equal(steps.vehicle_count, at->count);
         assert_int_equal(commitment.decisions, k + 1);
-        decision.line.step_count = at->def.steps;
         for (uint32_t slot = 0; slot < steps.vehicle_count; ++slot) {
-            for (uint32_t t = 0; t < at->def.steps; ++t) {
-                decision.line.actions[t][slot] = (uint8_t)vehicles[slot].steps[t].action;
-            }
-        }
-        stage_drive(at, &decision);
-        for (uint32_t slot = 0; slot < steps.vehicle_count; ++slot) {
-            assert_int_equal(vehicles[slot].vehicle_id, at->vehicles[slot].id);
-            assert_int_equal(vehicles[slot].step_count, at->def.steps);
-            for (uint32_t t = 0; t < at->def.steps; ++t) {
-                const verge_action_step* step = &vehicles[slot].steps[t];
-                const vg_flow* after = &decision.flows[t + 1];
-                assert_int_equal(step->lane_id, after->lane[slot]);
-                CHECK_NEAR(step->s, after->station[slot], 1e-3);
-                CHECK_NEAR(step->d, after->d[slot], 1e-6);
-                CHECK_NEAR(step->v, after->v[slot], 1e-6);
-                CHECK_NEAR(step->distance, after->station[slot] - decision.flows[t].station[slot], 1e-3);
-                CHECK_NEAR(step->t1 - step->t0, at->def.step_s, 1e-12);
-                assert_int_equal(step->turn_signal, (step->action == VERGE_CHANGE_LEFT)
-                                                        - (step->action == VERGE_CHANGE_RIGHT));
-                assert_int_equal(step->brake_light, step->action == VERGE_DECELERATE);
-                int32_t ahead = -1, behind = -1;
-                vg_flow_neighbours(&at->scene, after, slot, &ahead, &behind);
-                assert_int_equal(step->ahead_id, ahead); // ids are indices here
-                assert_int_equal(step->behind_id, behind);
-            }
+            check_steps(at, &steps, slot);
         }
     }
     free(memory);
@@ -227,7 +286,7 @@ static void off_the_road_the_steps_slow_down_to_a_stop(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(action_steps_are_the_flows_step_by_step),
+        cmocka_unit_test(action_steps_tell_where_the_actions_lead_and_who_is_ahead),
         cmocka_unit_test(segments_are_the_runs_of_equal_actions_and_fill_the_horizon),
         cmocka_unit_test(a_change_cut_by_the_horizon_aims_at_its_part_of_the_way),
         cmocka_unit_test(a_change_under_way_ends_when_it_was_going_to),

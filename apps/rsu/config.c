@@ -278,6 +278,7 @@ void config_print(const config* self, FILE* out)
 void config_bus_list(const config* self, char* text, size_t size)
 {
     size_t used = 0;
+    text[0] = '\0';
     for (uint32_t i = 0; i < self->bus_count && used < size; i++) {
         const int length = snprintf(text + used, size - used, "%s%s", i == 0 ? "" : ",",
                                     self->bus[i]);

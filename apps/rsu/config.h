@@ -88,7 +88,7 @@ void config_free(config* self); ///< null is fine
 /// The configuration as JSON, with every planner parameter. It can be read again.
 void config_print(const config* self, FILE* out);
 
-/// The URLs with commas between them, cut to size.
+/// The URLs with commas between them, cut to size, which is at least 1.
 void config_bus_list(const config* self, char* text, size_t size);
 /// Do both name the same buses and the same options for them?
 bool config_same_buses(const config* self, const config* other);

@@ -13,6 +13,7 @@ import math
 import os
 import pathlib
 import random
+import re
 import select
 import shutil
 import signal
@@ -530,7 +531,11 @@ def the_closed_loop_drives_by_its_plans(rig):
             rig.bin / "verge-publish", SOURCE / "apps/scenarios/ramp-case1.json", "--bus",
             "lcm:" + URL, "--duration", "8", "--out", out)
         check(code == 0, error)
-        check(text.count(" cycle ") >= 30, "a line for each vehicle and plan:\n" + text)
+        # A plan that says the same as the one before has no line.
+        planned = set(re.findall(r"vehicle (\d+) +cycle \d+ +planned", text))
+        check(planned == {"0", "2", "3"}, "a line for each change of a plan:\n" + text)
+        check(json.loads(text[text.index("{"):])["latency"]["state_to_plan_ms"]["count"] >= 30,
+              "a plan for each vehicle in each cycle:\n" + text)
         metrics = json.loads(text[text.index("{"):])["metrics"]
         check(metrics["collisions"] == 0, f"collisions: {metrics}")
         check(rsu.stop()[1] == 0, "stops")

@@ -211,11 +211,11 @@ static void paper_note(const lab* self, const table* rows)
         }
     }
     goal_note(self, rows);
-    fputs("\nWhy two vehicles are later than the paper's where they leave the gap asked for: they"
-          " change places, 5.3 m apart and closing in at 1 m/s. 8.41 m and a car's length between"
-          " their centres take 4.6 s at the 0.6 m/s^2 of either, half a change of lanes at 5 to"
-          " 7 m/s another 1.7 s. The front below shows what there is in between; the picture is the"
-          " first run.\n", self->notes);
+    fputs("\nWhy two vehicles finish later than in the paper if they keep the wanted gap: they"
+          " exchange lanes, are 5.3 m apart at the start, and approach each other at 1 m/s. With"
+          " 0.6 m/s^2 each, 4.6 s pass until their centres are 8.41 m plus one car length apart;"
+          " half a lane change at 5 to 7 m/s takes another 1.7 s. The section pareto shows the"
+          " choices between finish time and gap; the picture shows the first run.\n", self->notes);
 }
 
 // ---------------------------------------------------------------------------- the front

@@ -261,14 +261,14 @@ static bool write_page(const char* path, const lab* self)
               " apps/experiment/RESULTS.md\n"
               "    tools/experiment_plots.py out/experiments --no-runs --out"
               " apps/experiment/figures\n\n"
-              "(one experiment alone with `--only NAME`, its number of seeds with `--repeats N`, as"
-              " each section states it; the second command draws the figures, without --no-runs"
-              " also those of more runs). What the columns"
-              " are: apps/common/metrics.h, apps/experiment/trial.h and summary.h; `worst` is the"
-              " worst of all runs, a dash is \"not measured\" or, for a worst finish time, \"not"
-              " everybody finished\". `nodes` are those created until the returned plan was found"
-              " first, `nodes total` all. Settings, methods and the choices where the paper is"
-              " silent: freeway.c, decided.h, sequential.h.\n", file.stream);
+              "One experiment alone: `--only NAME`; its number of seeds: `--repeats N`, as each"
+              " section states it. The second command draws the figures; without `--no-runs` it"
+              " also draws the runs. The columns are explained in apps/common/metrics.h,"
+              " apps/experiment/trial.h and summary.h. `worst` is the worst of all runs. A dash"
+              " means \"not measured\" or, for a worst finish time, \"a vehicle did not finish\"."
+              " `nodes` counts the nodes created until the returned plan was first found, `nodes"
+              " total` all nodes. Settings, methods, and the choices where the paper is silent:"
+              " freeway.c, decided.h, sequential.h.\n", file.stream);
     }
     for (uint32_t i = 0; good && i < experiment_count; i++) {
         char name[4096];

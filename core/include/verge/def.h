@@ -10,12 +10,12 @@ extern "C" {
 
 /// How the decision is searched and which plan is returned.
 typedef enum verge_search {
-    VERGE_SEARCH_PAPER = 0,  ///< greedy child of maximum mean at each layer, nothing remembered
-    VERGE_SEARCH_BEST = 1,   ///< best complete plan seen, warm start from the last plan
+    VERGE_SEARCH_PAPER = 0,  ///< the child of largest mean at each layer; no warm start
+    VERGE_SEARCH_BEST = 1,   ///< the best complete plan found; warm start from the last plan
 } verge_search;
 
-/// Runs task(arg, 0) .. task(arg, count - 1), in any order, on any threads, and returns when all
-/// are done. The tasks share nothing.
+/// Calls task(arg, 0) .. task(arg, count - 1), in any order, on any threads, and returns when all
+/// calls have returned. The tasks share no data that they write.
 typedef void verge_executor(void* context, void (*task)(void* arg, uint32_t index), void* arg,
                             uint32_t count);
 
@@ -24,39 +24,43 @@ typedef void verge_executor(void* context, void (*task)(void* arg, uint32_t inde
 typedef struct verge_planner_def {
     verge_road_def road;        ///< read by verge_planner_init() only; stages take a built road
 
-    uint64_t seed;              ///< any value; the whole source of randomness
+    uint64_t seed;              ///< any value; seed of the only random generator
     uint32_t search;            ///< verge_search
-    uint32_t iterations;        ///< [1]   search iterations a step
+    uint32_t iterations;        ///< [1]   search iterations per step
     uint32_t nodes_max;         ///< [1]   nodes of the tree
-    uint32_t vehicles_max;      ///< [1]   vehicles seen at once
-    uint32_t controlled_max;    ///< [1]   vehicles planned at once
-    uint32_t threads;           ///< [1]   for whoever provides the executor; core does not read it
+    uint32_t vehicles_max;      ///< [1]   largest number of vehicles in a step
+    uint32_t controlled_max;    ///< [1]   largest number of controlled vehicles
+    uint32_t threads;           ///< [1]   read by the owner of the executor, not by core
 
     // Decision (section 3.1; constants of section 4)
     double   step_s;            ///< [s]     length of a decision step
     uint32_t steps;             ///< [1]     decision steps; horizon = steps * step_s
     double   reaction_s;        ///< [s]     tau, Eq. 2
     double   headway_s;         ///< [s]     MTH, Eq. 2
-    double   change_gap;        ///< [m]     free way, ahead and behind, that a change leaves; less below
+    double   change_gap;        ///< [m]     smallest gap, ahead and behind, that a lane change may
+                                ///<         leave; smaller at speeds below
                                 ///<         (change_gap - idm_gap) / idm_headway_s
-    double   change_gap_wanted; ///< [m]     what it would rather leave: less of it costs reward_room
+    double   change_gap_wanted; ///< [m]     gap below which a lane change costs reward_room
     double   exploration;       ///< [1]     C_p, Eq. 1
     double   acceleration;      ///< [m/s^2] a_acc, Table 1
     double   deceleration;      ///< [m/s^2] a_dec, Table 1
     double   reward_target;     ///< [1]     weight: ends in the target lane
-    double   reward_lane;       ///< [1]     weight: share of steps in the target lane near its centre
+    double   reward_lane;       ///< [1]     weight: share of steps near the target centreline
     double   reward_consistency;///< [1]     weight: share of steps that repeat the action before
-    double   reward_room;       ///< [1]     steps' shares (1 / steps) of R_i lost by a change that leaves
-                                ///<         no room, less by one that leaves some of change_gap_wanted
-    double   cruise_share;      ///< [1]     of the speed limit; below it a step earns in proportion
-    double   target_distance;   ///< [m]     driven in the target lane by all: a simulation may end
-    double   switch_margin;     ///< [1]     reward by which other lane changes must beat the last plan's,
-                                ///<         in shares of those whose changes are others
+    double   reward_room;       ///< [1]     cost of a lane change that leaves no gap, in units of one
+                                ///<         step's share of R_i (1 / steps); 0 at change_gap_wanted
+    double   cruise_share;      ///< [1]     share of the speed limit below which a step earns in
+                                ///<         proportion to speed
+    double   target_distance;   ///< [m]     distance that all drive in their target lanes before a
+                                ///<         simulation of the search may end
+    double   switch_margin;     ///< [1]     gain in reward that is needed to replace the lane changes of
+                                ///<         the last plan, times the share of vehicles whose lane
+                                ///<         changes differ
     double   idm_gap;           ///< [m]     standstill gap of uncontrolled vehicles
-    double   idm_headway_s;     ///< [s]
-    double   idm_acceleration;  ///< [m/s^2]
+    double   idm_headway_s;     ///< [s]     time headway of uncontrolled vehicles
+    double   idm_acceleration;  ///< [m/s^2] acceleration of uncontrolled vehicles
     double   idm_comfort;       ///< [m/s^2] sqrt(a b) of the IDM's braking term
-    double   idm_braking_max;   ///< [m/s^2] floor of the IDM's deceleration
+    double   idm_braking_max;   ///< [m/s^2] largest deceleration of uncontrolled vehicles
 
     // Trajectory (section 3.2)
     uint32_t points;            ///< [1]     points of a trajectory
@@ -68,14 +72,15 @@ typedef struct verge_planner_def {
     double   keep_region_speed; ///< [m/s]   the same for lane keeping
     double   keep_region_offset;///< [m]
     double   alert_cost;        ///< [1]     C_z of the alert zone
-    uint32_t alert_continuous;  ///< [1]     1: the variant that is continuous at the zone's edge
-    double   comfort_acceleration;  ///< [m/s^2] limits of normal driving that only
-    double   comfort_braking;       ///< [m/s^2] an emergency may exceed
+    uint32_t alert_continuous;  ///< [1]     1: its cost falls to zero at the edge of the zone
+    // Limits of normal driving, exceeded only in an emergency.
+    double   comfort_acceleration;  ///< [m/s^2]
+    double   comfort_braking;       ///< [m/s^2]
     double   comfort_lateral;       ///< [m/s^2]
     double   comfort_jerk;          ///< [m/s^3] longitudinal
     double   clearance;         ///< [m]     free space kept around predicted bodies
 
-    verge_executor* executor;   ///< null: one after the other in the caller's thread
+    verge_executor* executor;   ///< null: the calling thread plans all vehicles, one by one
     void*    executor_context;
 
     uint32_t cookie;            ///< set by verge_planner_default_def(); leave it alone
@@ -83,7 +88,7 @@ typedef struct verge_planner_def {
 
 verge_planner_def verge_planner_default_def(void);
 
-/// One scalar field of the def, for whoever reads parameters by name (JSON, manuals).
+/// One scalar field of the def, for programs that read parameters by name (JSON, manuals).
 typedef enum verge_param_kind {
     VERGE_PARAM_DOUBLE,
     VERGE_PARAM_U32,

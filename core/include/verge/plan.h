@@ -20,7 +20,7 @@ typedef struct verge_prediction {
     verge_pose points[VERGE_POINTS_MAX];
 } verge_prediction;
 
-/// The whole plan. Large (113 kB with the default capacities): keep it in static memory. Vehicles are
+/// The whole plan. Large (116 kB with the default capacities): keep it in static memory. Vehicles are
 /// ordered by id.
 typedef struct verge_plan {
     int64_t             utime;   ///< [us] t = 0 of everything in it

@@ -1,0 +1,84 @@
+/// Goal: the bytes that headers and pages state are the bytes that the structures have.
+/// Method: the sentences are read from the files and compared with sizeof and with the functions
+///         that size memory, with the default capacities and parameters.
+#include "check.h"
+#include "decide/mcts.h"
+#include "verge/verge.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/// The sentences are about these; tests also run with smaller ones.
+static const bool default_capacities = VERGE_VEHICLES_MAX == 64 && VERGE_CONTROLLED_MAX == 16
+                                       && VERGE_STEPS_MAX == 16 && VERGE_POINTS_MAX == 31;
+
+/// The number that follows `words` in a file of the tree.
+static double stated(const char* path, const char* words)
+{
+    static char text[1 << 16]; // the headers and pages are smaller
+    char name[4096];
+    snprintf(name, sizeof name, "%s/%s", VERGE_SOURCE_DIR, path);
+    FILE* file = fopen(name, "r");
+    assert_non_null(file);
+    const size_t size = fread(text, 1, sizeof text - 1, file);
+    fclose(file);
+    text[size] = '\0';
+    const char* at = strstr(text, words);
+    if (at == NULL) {
+        fail_msg("%s does not say \"%s\"", path, words);
+        return 0.0;
+    }
+    return strtod(at + strlen(words), NULL);
+}
+
+static void test_the_size_of_a_plan_is_the_stated_one(void** state)
+{
+    (void)state;
+    if (!default_capacities) {
+        skip();
+    }
+    const double kilobytes = 1e-3 * (double)sizeof(verge_plan);
+    CHECK_NEAR(stated("core/include/verge/plan.h", "Large ("), kilobytes, 0.5);
+    CHECK_NEAR(stated("core/README.md", "`verge_plan` has "), kilobytes, 0.5);
+    CHECK_NEAR(stated("apps/examples/first_plan.c", "plan;                           // "),
+               kilobytes, 0.5);
+}
+
+static void test_the_cost_of_a_capacity_is_the_stated_one(void** state)
+{
+    (void)state;
+    if (!default_capacities) {
+        skip();
+    }
+    const char* config = "core/include/verge/config.h";
+    const verge_planner_def def = verge_planner_default_def();
+    CHECK_NEAR(stated(config, "a sampler each ("), 1e-3 * (double)verge_sampler_memory_size(&def),
+               0.5);
+    CHECK_NEAR(stated(config, "default parameters), and "), 1e-3 * (double)sizeof(verge_vehicle_plan),
+               0.05);
+    CHECK_NEAR(stated(config, "if it is controlled; "), 1e-3 * (double)sizeof(verge_prediction), 0.05);
+}
+
+static void test_the_size_of_a_node_is_the_stated_one(void** state)
+{
+    (void)state;
+    const char* config = "core/include/verge/config.h";
+    const double empty = stated(config, "which sizes the arena).\n/// Cost: ");
+    const double vehicle = stated(config, " B each, and ");
+    const double controlled = stated(config, " B each, and 13 B a vehicle, ");
+    assert_int_equal(vg_node_size(0, 0), (uint32_t)empty);
+    // Nodes have whole numbers of 8 bytes: with 64 and 16 vehicles nothing is rounded up.
+    assert_int_equal(vg_node_size(64, 0), (uint32_t)(empty + 64.0 * vehicle));
+    assert_int_equal(vg_node_size(64, 16), (uint32_t)(empty + 64.0 * vehicle + 16.0 * controlled));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_the_size_of_a_plan_is_the_stated_one),
+        cmocka_unit_test(test_the_cost_of_a_capacity_is_the_stated_one),
+        cmocka_unit_test(test_the_size_of_a_node_is_the_stated_one),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -526,7 +526,7 @@ static void on_planned(live* self)
     if (self->notify.watchdog_us > 0) {
         notify_send(&self->notify, "WATCHDOG=1");
     }
-    self->status.heard = self->cycle.view.count > 0;
+    self->status.has_vehicles = self->cycle.view.count > 0;
     if (self->corrected) {
         log_correction(self, "cycle");
     }
@@ -660,7 +660,7 @@ static void apply_next(live* self)
     }
     reloader_install(&self->reloader);
     if (buses_changed) {
-        inbox_forget_senders(&self->cycle.inbox); // the new buses number them anew
+        inbox_forget_senders(&self->cycle.inbox); // new buses give new numbers to senders
     }
     if (period_changed) {
         arm(self->cycle_fd, self->now.config->cycle_ms);

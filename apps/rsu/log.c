@@ -219,7 +219,7 @@ static void queue_or_write(queued_line* line, size_t size)
     if (queue != NULL) {
         outlet_put(queue, line, QUEUED_HEAD + size);
     } else if (!silent) {
-        write_whole(line->text, size); // if the log cannot be written, the daemon goes on
+        write_whole(line->text, size); // a log that cannot be written does not stop the daemon
     }
 }
 

@@ -68,8 +68,8 @@ bool server_open_tcp(server** opened, const server_def* def, const struct sockad
     const int on = 1;
     if (self == NULL || setsockopt(self->fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0 ||
         !listen_at(self, address, size)) {
-        snprintf(error, error_size, "the system refused the port (%s), expected one that nobody "
-                 "else listens to", strerror(errno));
+        snprintf(error, error_size, "the system refused the port (%s), expected one that no "
+                 "other program uses", strerror(errno));
         server_close(self);
         self = NULL;
     }

@@ -81,7 +81,7 @@ rsu_state status_state(const status* self, int64_t now)
     if (status_worst(self, now) != RSU_FAULT_NONE) {
         return RSU_DEGRADED;
     }
-    return self->heard ? RSU_RUNNING : RSU_WAITING;
+    return self->has_vehicles ? RSU_RUNNING : RSU_WAITING;
 }
 
 verge_rsu_status_t status_message(const status* self, const config* config, const cycle* cycle,

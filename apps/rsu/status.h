@@ -46,7 +46,7 @@ typedef struct status {
     uint64_t record_dropped;  ///< events missing in the recording
     timing   cycle_time;
     bool     stopping;
-    bool     heard;           ///< the last cycle saw a vehicle
+    bool     has_vehicles;    ///< the last cycle had at least one
     bool     fault_given[RSU_FAULT_COUNT];
     int64_t  fault_until[RSU_FAULT_COUNT]; ///< [us] INT64_MAX: for good
 } status;

@@ -22,7 +22,7 @@ void worker_destroy(worker* self);
 
 /// A descriptor that becomes readable when the job is over.
 int worker_fd(const worker* self);
-/// Starts job(arg). There is no job under way.
+/// Starts job(arg). No other job may be running or waiting to be collected.
 void worker_start(worker* self, void (*job)(void* arg), void* arg);
 /// Is a job running, or over but not yet collected?
 bool worker_busy(const worker* self);

@@ -120,7 +120,7 @@ static void test_stopping_goes_before_faults(void** state)
     self.stopping = true;
     assert_int_equal(status_state(&self, 1), RSU_STOPPING);
     self = with_faults(0, 0);
-    self.heard = true;
+    self.has_vehicles = true;
     assert_int_equal(status_state(&self, 1), RSU_RUNNING);
 }
 

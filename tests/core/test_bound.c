@@ -2,7 +2,7 @@
 #include "decide.h"
 
 #include "decide/bound.h"
-#include "decide/mcts.h"
+#include "decide/search.h"
 
 /// Everything a search may do, on one stage.
 typedef struct searched {

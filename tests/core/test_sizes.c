@@ -2,7 +2,7 @@
 /// Method: the sentences are read from the files and compared with sizeof and with the functions
 ///         that size memory, with the default capacities and parameters.
 #include "check.h"
-#include "decide/mcts.h"
+#include "decide/search.h"
 #include "verge/verge.h"
 
 #include <stdio.h>

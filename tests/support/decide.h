@@ -5,7 +5,7 @@
 
 #include "stage.h"
 
-#include "decide/mcts.h"
+#include "decide/search.h"
 #include "verge/trajectory.h"
 
 typedef struct stage_decision {

@@ -13,6 +13,8 @@ typedef enum kind {
     kind_count,
 } kind;
 
+static_assert(VERGE_ACTION_COUNT == 5, "a bound counts every kind of action: keep, accelerate, change");
+
 // One vehicle's problem.
 typedef struct problem {
     const vg_model* scene;

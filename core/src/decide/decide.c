@@ -6,7 +6,7 @@
 #include "base/arena.h"
 #include "base/contract.h"
 #include "base/scalar.h"
-#include "decide/mcts.h"
+#include "decide/search.h"
 #include "traffic/advance.h"
 #include "traffic/pairs.h"
 

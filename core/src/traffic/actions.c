@@ -8,3 +8,6 @@ const vg_action_row vg_actions[VERGE_ACTION_COUNT] = {
     [VERGE_CHANGE_LEFT] = { "LCL", "changing to the left lane", VG_KEEP_SPEED, VG_TO_LEFT, 1, false },
     [VERGE_CHANGE_RIGHT] = { "LCR", "changing to the right lane", VG_KEEP_SPEED, VG_TO_RIGHT, -1, false },
 };
+
+const uint8_t vg_lane_keeping[VG_LANE_KEEPING_COUNT] = { VERGE_KEEP_SPEED, VERGE_ACCELERATE,
+                                                         VERGE_DECELERATE };

@@ -27,6 +27,12 @@ typedef struct vg_action_row {
 
 extern const vg_action_row vg_actions[VERGE_ACTION_COUNT];
 
+/// The actions that keep the lane.
+enum { VG_LANE_KEEPING_COUNT = 3 };
+extern const uint8_t vg_lane_keeping[VG_LANE_KEEPING_COUNT];
+static_assert(VG_LANE_KEEPING_COUNT + 2 == VERGE_ACTION_COUNT,
+              "a new action that keeps the lane stands in vg_lane_keeping");
+
 static inline bool vg_action_changes_lane(uint32_t action)
 {
     return vg_actions[action].across != VG_KEEP_LANE;

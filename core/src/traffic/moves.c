@@ -19,6 +19,9 @@ static const float overtake_pace = 0.6f;
 static const float merge_reserve = 8.0f;
 static const float merge_speed = 2.0f;
 
+static_assert(VG_ALONG_COUNT == 3, "longitudinal_moves() gives the state after each motion along the lane");
+static_assert(VERGE_ACTION_COUNT == 5, "keep_lane_moves() and changes_allowed() say which actions are legal");
+
 static void longitudinal_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves);
 static void lateral_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves);
 static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot);

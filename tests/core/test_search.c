@@ -3,7 +3,7 @@
 #include "decide.h"
 
 #include "base/random.h"
-#include "decide/mcts.h"
+#include "decide/search.h"
 
 enum { arena_size = 24 << 20, many_nodes = 60000 };
 

@@ -11,8 +11,8 @@
 /// at a time, those first that do not arrive yet. All vehicles share one reward and the model is
 /// deterministic, so the best plan ever simulated is returned: in random scenes this gains 0.02 to
 /// 0.04 of reward over the greedy path through the same tree. The last cycle's plan takes part.
-#ifndef VG_MCTS_H
-#define VG_MCTS_H
+#ifndef VG_SEARCH_H
+#define VG_SEARCH_H
 
 #include "base/random.h"
 #include "traffic/flow.h"

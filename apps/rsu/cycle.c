@@ -76,9 +76,9 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
     }
     // The planner refuses a whole step because of one unusable vehicle. The inbox accepts none;
     // this check protects the others in case projection has made a vehicle unusable.
+    const verge_road* road = verge_planner_road(self->def.planner);
     for (uint32_t i = self->view.count; i-- > 0;) {
-        const verge_status status =
-            verge_road_check_vehicle(verge_planner_road(self->def.planner), &self->view.vehicles[i]);
+        const verge_status status = verge_road_check_vehicle(road, &self->view.vehicles[i]);
         if (status != VERGE_OK && status != VERGE_ERR_OFF_ROAD) {
             self->counters.unusable++;
             remove_vehicle(&self->view, i);

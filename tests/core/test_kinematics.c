@@ -10,13 +10,30 @@
 
 TEST_PATH(path); // 600 m long
 
-/// A path along the middle lane of a circle or of a straight road.
-static scene* road_make(double curvature)
+/// Roads of each curvature, built once.
+static scene* roads[8];
+
+/// Lays the path along the middle lane of a circle or of a straight road.
+static void road_take(double curvature)
 {
-    scene* w = scene_make(curvature, 0.0);
-    const double length = w->road->lanes[1].length;
-    vg_path_build(&path, w->road, 1, -1, -30.0, fmin(length + 30.0, 300.0));
-    return w;
+    uint32_t i = 0;
+    while (roads[i] != NULL && roads[i]->curvature != curvature) {
+        ++i;
+    }
+    if (roads[i] == NULL) {
+        roads[i] = scene_make(curvature, 0.0);
+    }
+    const verge_road* road = roads[i]->road;
+    vg_path_build(&path, road, 1, -1, -30.0, fmin(road->lanes[1].length + 30.0, 300.0));
+}
+
+static int free_roads(void** state)
+{
+    (void)state;
+    for (uint32_t i = 0; roads[i] != NULL; ++i) {
+        scene_free(roads[i]);
+    }
+    return 0;
 }
 
 static vg_state random_start(test_rng* rng, double speed_min, double speed_max)
@@ -189,7 +206,7 @@ static void test_a_link_begins_at_the_state_and_ends_at_its_offset(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("link");
-    scene* w = road_make(1.0 / 125.0);
+    road_take(1.0 / 125.0);
     uint32_t in_way = 0, in_time = 0;
     for (uint32_t round = 0; round < test_rounds(500); ++round) {
         vg_state start = random_start(&rng, 0.5, 12.0);
@@ -211,14 +228,13 @@ static void test_a_link_begins_at_the_state_and_ends_at_its_offset(void** state)
         in_time += !leg.by_way;
     }
     assert_true(!test_rounds_suffice() || (in_way > 0 && in_time > 0));
-    scene_free(w);
 }
 
 static void test_a_link_has_no_joint_at_its_end(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("link end");
-    scene* w = road_make(0.0);
+    road_take(0.0);
     for (uint32_t round = 0; round < test_rounds(200); ++round) {
         vg_state start = random_start(&rng, 0.5, 12.0);
         start.s_tt = 0.0;
@@ -231,7 +247,6 @@ static void test_a_link_has_no_joint_at_its_end(void** state)
         CHECK_NEAR(r0.d1, r1.d1, 1e-4);
         CHECK_NEAR(r0.curvature, r1.curvature, 1e-3);
     }
-    scene_free(w);
 }
 
 // ---------------------------------------------------------------------------- the rear axle
@@ -284,7 +299,7 @@ static void test_motion_is_the_derivative_of_the_positions(void** state)
     const double h = 2e-3;
     uint32_t compared = 0;
     for (uint32_t round = 0; round < test_rounds(60); ++round) {
-        scene* w = road_make(curvatures[round % 3]);
+        road_take(curvatures[round % 3]);
         const vg_state start = random_start(&rng, 1.0, 15.0);
         const double offset = test_rng_between(&rng, -3.5, 3.5);
         const vg_leg leg = leg_make(&start, test_rng_between(&rng, 1.0, 15.0), 3.0, offset);
@@ -305,7 +320,6 @@ static void test_motion_is_the_derivative_of_the_positions(void** state)
             CHECK_NEAR(vg_square(rear.cos_heading) + vg_square(rear.sin_heading), 1.0, 1e-12);
             compared += 1;
         }
-        scene_free(w);
     }
     assert_true(compared > test_rounds(60) * 5);
 }
@@ -317,7 +331,7 @@ static void test_jerk_and_curvature_rate_are_derivatives_in_time(void** state)
     test_rng rng = test_rng_seeded("rates");
     const double h = 1e-3;
     for (uint32_t round = 0; round < test_rounds(100); ++round) {
-        scene* w = road_make(curvatures[round % 3]);
+        road_take(curvatures[round % 3]);
         const vg_state start = random_start(&rng, 2.0, 20.0);
         const double offset = test_rng_between(&rng, -3.5, 3.5);
         const vg_leg leg = leg_make(&start, test_rng_between(&rng, 2.0, 20.0), 3.0, offset);
@@ -340,7 +354,6 @@ static void test_jerk_and_curvature_rate_are_derivatives_in_time(void** state)
             CHECK_NEAR((after.acceleration - before.acceleration) / (2.0 * h), at.jerk,
                        1e-3 + 1.2 * left_out + 1e-2 * fabs(at.jerk));
         }
-        scene_free(w);
     }
 }
 
@@ -361,7 +374,7 @@ static void test_a_bicycle_that_steers_and_drives_like_the_leg_arrives_with_it(v
     static const double curvatures[] = { 0.0, 1.0 / 125.0, -1.0 / 40.0 };
     test_rng rng = test_rng_seeded("bicycle");
     for (uint32_t round = 0; round < test_rounds(60); ++round) {
-        scene* w = road_make(curvatures[round % 3]);
+        road_take(curvatures[round % 3]);
         const vg_state start = random_start(&rng, 0.0, 15.0);
         const double offset = test_rng_between(&rng, -3.5, 3.5);
         const double v1 = round % 4 == 0 ? 0.0 : test_rng_between(&rng, 0.5, 15.0);
@@ -377,7 +390,6 @@ static void test_a_bicycle_that_steers_and_drives_like_the_leg_arrives_with_it(v
         CHECK_NEAR(bicycle.y, end.y, 1e-3);
         const double heading = atan2(end.sin_heading, end.cos_heading);
         CHECK_NEAR(remainder(bicycle.heading - heading, 2.0 * M_PI), 0.0, 1e-3);
-        scene_free(w);
     }
 }
 
@@ -389,7 +401,7 @@ static void test_a_state_on_the_path_survives_the_way_out_and_back(void** state)
     static const double curvatures[] = { 0.0, 1.0 / 125.0, -1.0 / 40.0 };
     test_rng rng = test_rng_seeded("state");
     for (uint32_t round = 0; round < test_rounds(300); ++round) {
-        scene* w = road_make(curvatures[round % 3]);
+        road_take(curvatures[round % 3]);
         const vg_state start = random_start(&rng, 0.5, 15.0);
         const double offset = test_rng_between(&rng, -3.5, 3.5);
         const vg_leg leg = leg_make(&start, test_rng_between(&rng, 0.5, 15.0), 3.0, offset);
@@ -405,14 +417,13 @@ static void test_a_state_on_the_path_survives_the_way_out_and_back(void** state)
         CHECK_NEAR(back.d, rear.d, 1e-8);
         CHECK_NEAR(back.d1, rear.d1, 1e-8);
         CHECK_NEAR(back.d2, rear.d2, 1e-7);
-        scene_free(w);
     }
 }
 
 static void test_who_is_across_or_beyond_the_centre_of_the_bend_has_no_state(void** state)
 {
     (void)state;
-    scene* w = road_make(1.0 / 30.0); // the middle lane's radius is 26.5 m
+    road_take(1.0 / 30.0); // the middle lane's radius is 26.5 m
     const vg_reference at = vg_path_at(&path, 20.0);
     const double heading = atan2(at.sin_heading, at.cos_heading);
     for (double turn = -3.0; turn <= 3.0; turn += 0.1) {
@@ -424,7 +435,6 @@ static void test_who_is_across_or_beyond_the_centre_of_the_bend_has_no_state(voi
                                  5.0, 0.0, 0.0 };
         assert_int_equal(vg_state_of(&path, &rear, 20.0).valid, 1.0 - d / 26.5 >= VG_FRAME_MIN);
     }
-    scene_free(w);
 }
 
 // ---------------------------------------------------------------------------- limits
@@ -509,5 +519,5 @@ int main(void)
         cmocka_unit_test(test_a_turned_wheel_steers_more_slowly_in_curvature),
         cmocka_unit_test(test_comfort_is_four_limits),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, free_roads);
 }

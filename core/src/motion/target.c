@@ -77,7 +77,8 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     v.centre = vg_clamp(segment->v, 0.0, top);
     v.high = vg_clamp(segment->v + half, 0.0, top);
 
-    // A stop after half of T at least, and no braking that the jerk limit does not allow.
+    // The hardest braking begins with the jerk limit. -v0 - 1 stops a fast vehicle after half of T
+    // and one at walking speed sooner: such short stops are left to the sampler's exact limits.
     const double jerk = emergency ? VG_JERK_MAX : def->comfort_jerk;
     const double hardest = vg_max(least_speed(start, T, 0.98 * jerk), -v0 - 1.0);
     const double follow = vg_follow_speed(following, start, VG_FOLLOW_BRAKING);

@@ -2,6 +2,8 @@
 /// random dense traffic. All methods, and the paper's search beside the default one.
 #include "experiments.h"
 
+#include "common/number.h"
+
 #include "must.h"
 #include "summary.h"
 #include "traffic.h"
@@ -124,7 +126,7 @@ static lab_document* freeway_document(const lab* self, uint32_t controlled)
 {
     scenario      base;
     lab_document* document = lab_open(self, "freeway-4av");
-    char*         text = document != NULL ? must(cJSON_PrintUnformatted(document)) : NULL;
+    char*         text = document != NULL ? must(value_text(document)) : NULL;
     if (document == NULL || !scenario_parse(&base, "freeway-4av", text, strlen(text), NULL)) {
         free(text);
         cJSON_Delete(document);

@@ -2,6 +2,7 @@
 #include "lab.h"
 
 #include "common/input.h"
+#include "common/number.h"
 #include "common/output.h"
 #include "must.h"
 
@@ -88,7 +89,7 @@ const char* lab_text(lab* self, lab_document* document)
         self->text_capacity = 2 * self->text_capacity + 64;
         self->texts = must_realloc(self->texts, self->text_capacity * sizeof *self->texts);
     }
-    char* text = must(cJSON_PrintUnformatted(document));
+    char* text = must(value_text(document));
     cJSON_Delete(document);
     self->texts[self->text_count++] = text;
     return text;
@@ -97,7 +98,7 @@ const char* lab_text(lab* self, lab_document* document)
 void lab_clear(lab* self)
 {
     for (uint32_t i = 0; i < self->text_count; i++) {
-        cJSON_free(self->texts[i]);
+        free(self->texts[i]);
     }
     free(self->texts);
     self->texts = NULL;

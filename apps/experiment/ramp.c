@@ -3,6 +3,8 @@
 /// The paper's vehicles 2, 4 and 5 are 3, 0 and 2 in the authors' files, and so in ours.
 #include "experiments.h"
 
+#include "common/number.h"
+
 #include "must.h"
 #include "summary.h"
 
@@ -156,7 +158,7 @@ static const char* human_text(lab* self, double start)
     if (document == NULL || start < 0.0) {
         return document != NULL ? lab_text(self, document) : NULL;
     }
-    char*      text = must(cJSON_PrintUnformatted(document));
+    char*      text = must(value_text(document));
     const bool good = scenario_parse(&base, "ramp-case3", text, strlen(text), NULL);
     free(text);
     if (!good) {

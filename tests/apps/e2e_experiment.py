@@ -7,6 +7,7 @@ the gates, whose plans are the same bits in every build (tests/determinism).
 Usage: e2e_experiment.py --bin DIR [--slow] [--lcm-python DIR]
 """
 import argparse
+import glob
 import json
 import math
 import os
@@ -15,6 +16,8 @@ import signal
 import subprocess
 import tempfile
 import time
+
+from e2e_cli import check_numbers
 
 TABLE = ["setting", "controlled", "method", "repeats", "success", "nodes", "finish_time",
          "min_center_gap", "min_distance"]
@@ -35,6 +38,9 @@ def run(program, *arguments, status=0):
 def rows_of(program, folder, name, repeats, *more):
     path = os.path.join(folder, f"{name}-rows.json")
     run(program, "--only", name, "--repeats", str(repeats), "--out", folder, "--json", path, *more)
+    for written in glob.glob(os.path.join(folder, "*.json")):
+        with open(written, encoding="utf-8") as file:
+            check_numbers(file.read())
     with open(path, encoding="utf-8") as file:
         document = json.load(file)
     with open(os.path.join(folder, f"{name}.json"), encoding="utf-8") as file:
@@ -107,7 +113,7 @@ def gate_table(program, folder):
 
 def gate_quality(program, folder):
     """X_flow of the default search, against the bound and against the paper's search."""
-    rows = rows_of(program, folder, "beyond", 3)
+    rows = rows_of(program, folder, "beyond", 3, "--scenes")
     kinds = {(r["scenes"], r["controlled"], r["humans"]) for r in rows}
     lead, below, success = [], [], []
     for kind in sorted(kinds):

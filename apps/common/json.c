@@ -148,7 +148,7 @@ bool json_expect_object(const json_at* at, const char* const* keys)
             key++;
         }
         if (*key == NULL) {
-            char   known[192] = "";
+            char   known[320] = "";
             size_t used = 0;
             for (key = keys; *key != NULL && used < sizeof known; key++) {
                 used += (size_t)snprintf(known + used, sizeof known - used, "%s%s",

@@ -1,6 +1,7 @@
 /// See scenario.h.
 #include "scenario.h"
 
+#include "body_json.h"
 #include "number.h"
 #include "planner_json.h"
 #include "road_json.h"
@@ -172,11 +173,16 @@ static bool vehicles_from_json(const json_at* at, scenario* scene)
         return json_fail(at, "out of memory");
     }
     scene->vehicle_count = count;
-    uint32_t index = 0, controlled = 0;
+    uint32_t index = 0, controlled = 0, trailers = 0;
     for (const cJSON* node = at->node->child; node != NULL; node = node->next, index++) {
         const json_at vehicle = json_element(at, node, index);
         vehicle_from_json(&vehicle, scene, &scene->vehicles[index]);
         controlled += scene->vehicles[index].start.controlled;
+        trailers += scene->vehicles[index].start.body.trailer_length > 0.0;
+        if (count + trailers > scene->def.vehicles_max) {
+            json_fail(&vehicle, "has trailer number %u, expected at most %u vehicles and trailers"
+                      " (planner.vehicles_max)", trailers, scene->def.vehicles_max);
+        }
         if (controlled > scene->def.controlled_max) {
             json_fail(&vehicle, "is controlled vehicle number %u, expected at most %u"
                       " (planner.controlled_max)", controlled, scene->def.controlled_max);
@@ -198,8 +204,8 @@ static double quantity_from_json(const json_at* at, const char* name)
 static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehicle* vehicle)
 {
     static const char* const keys[] = { "id", "control", "x", "y", "heading", "speed",
-                                        "acceleration", "length", "width", "target_lane", "habit",
-                                        "track", NULL };
+                                        "acceleration", "length", "width", "body", "target_lane",
+                                        "habit", "track", NULL };
     static const char* const controls[] = { "human", "controlled", NULL };
     if (!json_expect_object(at, keys)) {
         return;
@@ -213,8 +219,7 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
     start->heading = wrap_angle(quantity_from_json(at, "heading"));
     start->speed = quantity_from_json(at, "speed");
     start->acceleration = quantity_from_json(at, "acceleration");
-    start->length = quantity_from_json(at, "length");
-    start->width = quantity_from_json(at, "width");
+    body_from_json(at, start);
 
     const json_at target = json_member(at, "target_lane");
     if (!json_none(&target)) {

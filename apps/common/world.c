@@ -88,7 +88,10 @@ void world_advance(world* self)
     for (uint32_t i = 0; i < self->vehicle_count; i++) {
         world_vehicle* vehicle = &self->vehicles[i];
         if (vehicle->present) {
+            const verge_vehicle before = vehicle->state;
             vehicle_move(self, vehicle, &states[next++]);
+            vehicle->state.trailer_heading =
+                verge_vehicle_trailer_heading(&before, &vehicle->state);
         } else if (!vehicle->left && vehicle->origin->track_count > 0) {
             vehicle->present =
                 scenario_track_at(vehicle->origin, world_time(self), &vehicle->state);

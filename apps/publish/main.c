@@ -68,6 +68,7 @@ typedef struct publisher {
     verge_plan      gathered;   // the plans of one cycle, as they come
 } publisher;
 
+static bool trailers_refused(const scenario* scene);
 static int  read_arguments(arguments* args, int argc, char** argv);
 static int  run(publisher* self, const arguments* args);
 static bool publish(publisher* self, double duration);
@@ -86,9 +87,22 @@ int main(int argc, char** argv)
         return 2;
     }
     self.scene = &scene;
-    const int code = run(&self, &args);
+    const int code = trailers_refused(&scene) ? 2 : run(&self, &args);
     scenario_free(&scene);
     return code;
+}
+
+/// States carry one rectangle: a unit on the bus would plan other vehicles through a trailer.
+static bool trailers_refused(const scenario* scene)
+{
+    for (uint32_t i = 0; i < scene->vehicle_count; i++) {
+        if (scene->vehicles[i].start.body.trailer_length > 0.0) {
+            fprintf(stderr, "%s:vehicles[%u].body: has a trailer, which messages cannot tell,"
+                            " expected a vehicle without one\n", scene->file.name, i);
+            return true;
+        }
+    }
+    return false;
 }
 
 /// 0 without a path: help or version was asked for.

@@ -9,13 +9,14 @@
 /// this kind begins to roll over (0.35 to 0.4 g for trucks), or where its tyres end.
 
 #include "base/scalar.h"
-#include "verge/types.h"
+#include "verge/limits.h"
 
 #define D(field, unit, min, max, text) { #field, unit, offsetof(verge_body, field), min, max, text }
 
 static const verge_body_param params[] = {
-    D(length, "m", 0.5, 30.0, "length of the rectangle, of an articulated truck that of its tractor"),
-    D(width, "m", 0.3, 4.0, "width of the rectangle"),
+    D(length, "m", VERGE_LIMIT_LENGTH_MIN, VERGE_LIMIT_LENGTH_MAX,
+      "length of the rectangle, of an articulated truck that of its tractor"),
+    D(width, "m", VERGE_LIMIT_WIDTH_MIN, VERGE_LIMIT_WIDTH_MAX, "width of the rectangle"),
     D(rear_axle, "m", 0.0, 15.0, "from the centre back to the rear axle, or its group's middle"),
     D(wheelbase, "m", 0.2, 25.0, "from the rear axle to the front axle"),
     D(steer_max, "rad", 0.05, 1.4, "steering angle of the single-track model's front wheel"),
@@ -27,8 +28,9 @@ static const verge_body_param params[] = {
     D(speed_max, "m/s", 1.0, 100.0, "most speed"),
     D(hitch, "m", -15.0, 15.0, "from the centre back to the trailer's hitch"),
     D(trailer_length, "m", 0.0, 25.0, "length of the trailer; 0: none"),
-    D(trailer_width, "m", 0.3, 4.0, "width of the trailer"),
-    D(trailer_axle, "m", 0.5, 25.0, "from the hitch back to the trailer's axle, or its group's middle"),
+    D(trailer_width, "m", VERGE_LIMIT_WIDTH_MIN, VERGE_LIMIT_WIDTH_MAX, "width of the trailer"),
+    D(trailer_axle, "m", 0.5, 25.0,
+      "from the hitch back to the trailer's axle, or its group's middle"),
     D(trailer_front, "m", 0.0, 5.0, "from the hitch ahead to the trailer's front"),
 };
 enum { PARAM_COUNT = sizeof params / sizeof params[0] };

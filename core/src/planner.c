@@ -223,7 +223,8 @@ static verge_status place(verge_planner* self, int64_t utime, const verge_vehicl
     const verge_scene before = self->scenes[0];
     verge_scene now = self->scenes[1];
     verge_status status = verge_scene_place(&now, utime, vehicles, count, &before);
-    if (status == VERGE_OK && vg_bits(vg_scene_controlled(&now)) > self->def.controlled_max) {
+    if (status == VERGE_OK && (vg_bits(vg_scene_controlled(&now)) > self->def.controlled_max
+                               || vg_scene_bodies(&now) > self->def.vehicles_max)) {
         status = VERGE_ERR_CAPACITY;
     }
     if (status == VERGE_OK) {

@@ -4,6 +4,7 @@
 #include "base/arena.h"
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/advance.h"
 
@@ -124,4 +125,26 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road, ve
     }
     scene->vehicles = NULL;
     return VERGE_OK;
+}
+
+static vg_rectangle pose_of(const verge_vehicle* v)
+{
+    vg_rectangle pose = { .x = v->x, .y = v->y };
+    vg_sincos(v->heading, &pose.sin_heading, &pose.cos_heading);
+    return pose;
+}
+
+double verge_vehicle_trailer_heading(const verge_vehicle* before, const verge_vehicle* after)
+{
+    VERGE_ASSERT(before != NULL && after != NULL);
+    if (vg_body_count(before) == 1) {
+        return after->trailer_heading;
+    }
+    const vg_rectangle from = pose_of(before), to = pose_of(after);
+    double cosine = from.cos_heading, sine = from.sin_heading;
+    if (vg_finite(before->trailer_heading)) {
+        vg_sincos(before->trailer_heading, &sine, &cosine);
+    }
+    vg_trailer_pull(&before->body, &from, &to, &cosine, &sine);
+    return vg_atan2(sine, cosine);
 }

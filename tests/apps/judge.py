@@ -1,10 +1,10 @@
 """An independent judge of plan documents and runs: reads the emitted numbers only.
 
-Bodies are rectangles tested on separating axes. Motion is judged as a kinematic single-track car
-about its rear axle: between two points the speed there is the cubic Hermite curve of the points'
+Bodies are rectangles tested on separating axes. Motion is judged as a kinematic single-track
+vehicle about its rear axle: between two points the speed there is the cubic Hermite curve of the points'
 speeds and accelerations, and the heading that of the headings and yaw rates; every 10 ms they
 tell steering angle, acceleration and pull, and integrated they must lead to the next point.
-Figures of the car: core/include/verge/config.h (BMW 320i of CommonRoad).
+Figures of the bodies: core/src/body.c; a body that states its own is judged by them.
 """
 import json
 import os
@@ -12,10 +12,19 @@ import subprocess
 
 import numpy as np
 
-REAR_AXLE, WHEELBASE = 1.4227, 2.5789            # [m]
-STEER_RATE_MAX, CURVATURE_MAX = 0.4, 0.702       # [rad/s], [1/m] of the rear axle
-ACCELERATION_MAX, SPEED_SWITCH = 11.5, 7.319     # [m/s^2] also of the friction circle, [m/s]
-SPEED_MAX = 50.8                                 # [m/s]
+# length, width, rear_axle, wheelbase [m], steer_max [rad], steer_rate_max [rad/s],
+# acceleration_max [m/s^2], speed_switch [m/s], braking_max, lateral_max [m/s^2], speed_max [m/s]
+NUMBERS = ("length", "width", "rear_axle", "wheelbase", "steer_max", "steer_rate_max",
+           "acceleration_max", "speed_switch", "braking_max", "lateral_max", "speed_max")
+KINDS = {
+    "car": (5, 2, 1.4227, 2.5789, np.arctan(0.702 * 2.5789), 0.4, 11.5, 7.319, 11.5, 11.5, 50.8),
+    "van": (6.89, 2.17, 1.465, 3.95, 0.73, 0.4, 3.5, 8, 8, 6, 44),
+    "bus": (12, 2.55, 2.65, 5.8, 0.89, 0.4, 1.5, 8, 7, 4.5, 27.8),
+    "truck": (10.1, 2.55, 1.73, 5.3, 0.71, 0.4, 1.5, 8, 7, 4, 25),
+    "articulated": (6.08, 2.55, 2.19, 3.8, 0.68, 0.4, 1, 8, 6.5, 3.5, 25),
+    "motorcycle": (2.2, 0.8, 0.78, 1.45, 0.6, 0.8, 6, 15, 8, 8, 50),
+    "bicycle": (1.8, 0.65, 0.55, 1.07, 0.8, 1, 1, 4, 4.5, 4, 12),
+}
 SPEED_SLOW = 2.0                                 # [m/s] below it a point 0 knows no curvature
 SLACK = 1.02                                     # of limits: cubic curves are not the planner's
 SUBSTEPS = 10
@@ -80,6 +89,29 @@ def overlap_faults(plan, sizes):
 
 # ---- motion ---------------------------------------------------------------------------------
 
+def kind_by_size(length, width):
+    if length < 3.5 and width <= 1.2:
+        return "bicycle" if length <= 2 else "motorcycle"
+    return next((kind for most, kind in ((5.5, "car"), (7.5, "van"), (12, "truck"))
+                 if length <= most), "bus")
+
+
+def body_of(vehicle):
+    """The numbers of a scenario's vehicle: its own, else its kind's at its length."""
+    given = vehicle.get("body", {})
+    given = {"kind": given} if isinstance(given, str) else given
+    length = vehicle.get("length", given.get("length"))
+    width = vehicle.get("width", given.get("width"))
+    kind = given.get("kind") or kind_by_size(length, width)
+    body = dict(zip(NUMBERS, KINDS[kind]))
+    typical = body["length"] if kind != "car" else np.clip(length or 5, 3.5, 5.5)
+    share = (length or typical) / typical
+    body.update(length=length or body["length"], width=width or body["width"], rear_axle=body["rear_axle"] * share,
+                wheelbase=body["wheelbase"] * share)
+    body.update((name, given[name]) for name in NUMBERS if name in given)
+    return body
+
+
 def hermite(p0, m0, p1, m1, h, u):
     """Cubic Hermite curve over a step h at shares u: values and derivatives by time."""
     c2, c3 = 3 * (p1 - p0) - h * (2 * m0 + m1), -2 * (p1 - p0) + h * (m0 + m1)
@@ -87,24 +119,24 @@ def hermite(p0, m0, p1, m1, h, u):
             (h * m0 + u * (2 * c2 + 3 * u * c3)) / h)
 
 
-def rear_axle(points, h):
+def rear_axle(points, h, behind):
     """x, y, heading, speed, acceleration, yaw rate of the rear axle, a row a step and end."""
     ends = []
     rate = np.diff(points[:, 6]) / h
     for end in (points[:-1], points[1:]):
         heading, at_centre = end[:, 3], end[:, 6]
-        cosine = np.sqrt(1 - (REAR_AXLE * at_centre) ** 2)  # of the slip angle at the centre
+        cosine = np.sqrt(1 - (behind * at_centre) ** 2)  # of the slip angle at the centre
         curvature, speed = at_centre / cosine, end[:, 4] * cosine
         # d/dt of speed / cosine: the centre also speeds up by swinging about the rear axle.
-        swing = speed * curvature * (rate / cosine ** 3) * REAR_AXLE ** 2 * cosine
-        ends.append((end[:, 1] - REAR_AXLE * np.cos(heading),
-                     end[:, 2] - REAR_AXLE * np.sin(heading), heading, speed,
+        swing = speed * curvature * (rate / cosine ** 3) * behind ** 2 * cosine
+        ends.append((end[:, 1] - behind * np.cos(heading),
+                     end[:, 2] - behind * np.sin(heading), heading, speed,
                      (end[:, 5] - swing) * cosine, speed * curvature))
     return ends
 
 
-def motion_faults(trajectory):
-    """What a car could not do along a trajectory; nothing where it can be driven."""
+def motion_faults(trajectory, body):
+    """What a body could not do along a trajectory; nothing where it can be driven."""
     points = np.array(trajectory["points"])
     h, t = trajectory["dt"], points[:-1, 0]
 
@@ -113,9 +145,9 @@ def motion_faults(trajectory):
             k = np.unravel_index(np.argmax(bad), bad.shape)
             yield f"{text}: {np.broadcast_to(value, bad.shape)[k]:.5f} at t = {t[k[0]]:.2f}"
 
-    (x0, y0, th0, v0, a0, w0), (x1, y1, th1, v1, a1, w1) = rear_axle(points, h)
+    (x0, y0, th0, v0, a0, w0), (x1, y1, th1, v1, a1, w1) = rear_axle(points, h, body["rear_axle"])
     yield from fault(points[:, 4] < 0, points[:, 4], "speed below 0")
-    yield from fault(points[:, 4] > SPEED_MAX, points[:, 4], "speed above the car's")
+    yield from fault(points[:, 4] > body["speed_max"], points[:, 4], "speed above the body's")
     u = np.linspace(0, 1, SUBSTEPS + 1)[None, :]
 
     def column(values):
@@ -134,14 +166,15 @@ def motion_faults(trajectory):
     yield from fault(off > np.where(moving, 2e-3, 2e-2), off, "does not arrive at its next point")
 
     moving = np.broadcast_to(moving[:, None], v.shape)
-    pull = np.hypot(a, v * w)
-    yield from fault(pull > SLACK * ACCELERATION_MAX, pull, "outside the friction circle")
-    engine = ACCELERATION_MAX * np.minimum(1, SPEED_SWITCH / np.maximum(v, 0.1))
+    pull = np.hypot(a / body["braking_max"], v * w / body["lateral_max"])
+    yield from fault(pull > SLACK, pull, "outside the ellipse of braking and lateral acceleration")
+    engine = body["acceleration_max"] * np.minimum(1, body["speed_switch"] / np.maximum(v, 0.1))
     yield from fault(a > SLACK * engine, a, "accelerates harder than the engine can")
+    curvature_max = np.tan(body["steer_max"]) / body["wheelbase"]
     curvature = np.where(moving, w / np.maximum(v, 0.1), 0)
-    yield from fault(np.abs(curvature) > SLACK * CURVATURE_MAX, curvature, "bend too tight")
-    steer_rate = np.diff(np.arctan(WHEELBASE * curvature), axis=1) / (h / SUBSTEPS)
-    allowed = 1.03 * STEER_RATE_MAX + 0.02 / np.maximum(v[:, 1:], 0.1)
+    yield from fault(np.abs(curvature) > SLACK * curvature_max, curvature, "bend too tight")
+    steer_rate = np.diff(np.arctan(body["wheelbase"] * curvature), axis=1) / (h / SUBSTEPS)
+    allowed = 1.03 * body["steer_rate_max"] + 0.02 / np.maximum(v[:, 1:], 0.1)
     yield from fault(moving[:, 1:] & (np.abs(steer_rate) > allowed), steer_rate, "steers too fast")
 
 
@@ -168,13 +201,15 @@ def scale():
 # ---- plans and runs ---------------------------------------------------------------------------
 
 def sizes_of(scenario):
-    return {v["id"]: (v["length"], v["width"]) for v in scenario["vehicles"]}
+    bodies = {v["id"]: body_of(v) for v in scenario["vehicles"]}
+    return {number: (body["length"], body["width"]) for number, body in bodies.items()}
 
 
 def plan_faults(plan, scenario, motion=True):
     yield from overlap_faults(plan, sizes_of(scenario))
+    bodies = {v["id"]: body_of(v) for v in scenario["vehicles"]}
     for vehicle in plan["vehicles"] if motion else []:
-        for fault in motion_faults(vehicle["trajectory"]):
+        for fault in motion_faults(vehicle["trajectory"], bodies[vehicle["id"]]):
             yield f"vehicle {vehicle['id']} ({vehicle['status']}) {fault}"
 
 

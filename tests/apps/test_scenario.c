@@ -199,6 +199,63 @@ static void test_keys_are_exact(void** state)
     refused("\"lanes\"", "\"lines\"", "road.lines: unknown key");
 }
 
+static void test_a_body_is_a_kind_or_an_object_of_its_numbers(void** state)
+{
+    (void)state;
+    static const struct { const char* to; double length, rear_axle, wheelbase, trailer; } good[] = {
+        { "\"length\": 5.0, \"width\": 2.0, \"body\": \"car\"", 5.0, 1.4227, 2.5789, 0.0 },
+        { "\"body\": \"bus\"", 12.0, 2.65, 5.8, 0.0 },
+        { "\"length\": 6.0, \"width\": 2.5, \"body\": \"bus\"", 6.0, 1.325, 2.9, 0.0 },
+        { "\"body\": \"articulated\"", 6.08, 2.19, 3.8, 13.6 },
+        { "\"body\": { \"kind\": \"truck\", \"rear_axle\": 2.0 }", 10.1, 2.0, 5.3, 0.0 },
+        { "\"length\": 5.0, \"width\": 2.0, \"body\": { \"rear_axle\": 1.2 }", 5.0, 1.2, 2.5789,
+          0.0 },
+        { "\"body\": { \"length\": 4.0, \"width\": 1.8 }", 4.0, 1.4227, 2.5789, 0.0 },
+        { "\"length\": 5.0, \"width\": 2.0, \"body\": { \"hitch\": 3, \"trailer_length\": 4,"
+          " \"trailer_width\": 2, \"trailer_axle\": 3 }", 5.0, 1.4227, 2.5789, 4.0 },
+    };
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        scenario scene;
+        char*    text = changed("\"length\": 5.0, \"width\": 2.0", good[i].to);
+        if (!parse(&scene, text)) {
+            fail_msg("%s: %s", good[i].to, scene.file.error);
+        }
+        const verge_vehicle* start = &scene.vehicles[0].start;
+        CHECK_NEAR(start->length, good[i].length, 1e-12);
+        CHECK_NEAR(start->body.length, good[i].length, 1e-12);
+        CHECK_NEAR(start->body.rear_axle, good[i].rear_axle, 1e-12);
+        CHECK_NEAR(start->body.wheelbase, good[i].wheelbase, 1e-12);
+        CHECK_NEAR(start->body.trailer_length, good[i].trailer, 1e-12);
+        scenario_free(&scene);
+        free(text);
+    }
+}
+
+static void test_a_body_that_cannot_be_is_refused_by_its_field(void** state)
+{
+    (void)state;
+    static const char* const wrong[][2] = {
+        { "\"body\": \"tank\"", "vehicles[0].body: is \"tank\", expected" },
+        { "\"body\": 3", "vehicles[0].body: is no body, expected" },
+        { "\"body\": { \"kind\": \"tank\" }", "vehicles[0].body.kind: is \"tank\", expected" },
+        { "\"body\": { \"axle\": 2 }", "vehicles[0].body.axle: unknown key" },
+        { "\"body\": { \"rear_axle\": 2 }", "vehicles[0].length: is missing" },
+        { "\"body\": { \"kind\": \"bus\", \"rear_axle\": 7 }",
+          "body.rear_axle: does not make a body: its rear_axle of 7 m lies outside 0 to 6" },
+        { "\"body\": { \"kind\": \"bus\", \"steer_max\": 2 }",
+          "vehicles[0].body.steer_max: is 2, expected 0.05 to 1.4" },
+        { "\"body\": { \"kind\": \"bus\", \"trailer_length\": 6 }", "trailer_width of 0 m" },
+        { "\"length\": 12, \"width\": 2.5, \"body\": { \"length\": 11 }",
+          "vehicles[0].body.length: differs from the length of the vehicle" },
+        { "\"length\": 16.5, \"width\": 2.5, \"body\": \"articulated\"",
+          "vehicles[0].length: makes a tractor of 16.5 m" },
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        refused("\"length\": 5.0, \"width\": 2.0", wrong[i][0], wrong[i][1]);
+    }
+    refused("\"length\": 5.0, ", "", "vehicles[0].length: is missing");
+}
+
 static void test_values_are_checked(void** state)
 {
     (void)state;
@@ -417,6 +474,8 @@ int main(void)
         cmocka_unit_test(test_null_means_no_lane_and_is_no_other_value),
         cmocka_unit_test(test_an_object_has_a_bounded_number_of_keys),
         cmocka_unit_test(test_keys_are_exact),
+        cmocka_unit_test(test_a_body_is_a_kind_or_an_object_of_its_numbers),
+        cmocka_unit_test(test_a_body_that_cannot_be_is_refused_by_its_field),
         cmocka_unit_test(test_values_are_checked),
         cmocka_unit_test(test_vehicles_must_fit_the_road_and_each_other),
         cmocka_unit_test(test_a_vehicle_that_enters_later_may_start_where_another_one_is),

@@ -27,7 +27,8 @@ static const verge_vehicle_plan* fall_back(scene* w)
 static void check_drivable(const scene* w)
 {
     char text[160] = "";
-    const char* fault = strict_motion_fault(&w->plans[0], w->def.point_s, text);
+    const verge_body body = verge_vehicle_body(&w->vehicles[0]);
+    const char* fault = strict_motion_fault(&w->plans[0], &body, w->def.point_s, text);
     if (fault != NULL) {
         fail_msg("%s: %s", fault, text);
     }

@@ -84,7 +84,8 @@ static void test_planned_trajectories_never_touch_each_other(void** state)
                 }
             }
             char text[160];
-            const char* fault = strict_motion_fault(&w->plans[i], w->def.point_s, text);
+            const verge_body body = verge_vehicle_body(&w->vehicles[i]);
+            const char* fault = strict_motion_fault(&w->plans[i], &body, w->def.point_s, text);
             if (fault != NULL) {
                 fail_msg("round %u, vehicle %u: %s: %s", round, i, fault, text);
             }

@@ -9,7 +9,8 @@
 static void check_drivable(const scene* w, uint32_t job, const char* what)
 {
     char text[160] = "";
-    const char* fault = strict_motion_fault(&w->plans[job], w->def.point_s, text);
+    const verge_body body = verge_vehicle_body(&w->vehicles[job]);
+    const char* fault = strict_motion_fault(&w->plans[job], &body, w->def.point_s, text);
     if (fault != NULL) {
         fail_msg("%s: %s: %s", what, fault, text);
     }

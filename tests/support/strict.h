@@ -1,6 +1,6 @@
 /// A judge of trajectories that shares nothing with the planner: it reads the emitted points
 /// only, moves them to the rear axle, joins them by quintic Hermite curves and asks at every
-/// 10 ms what the wheels of a kinematic single-track car would have to do. Bodies are tested by
+/// 10 ms what the wheels of a kinematic single-track vehicle would have to do. Bodies are tested by
 /// clipping polygons.
 #ifndef STRICT_H
 #define STRICT_H
@@ -16,9 +16,10 @@ typedef struct strict_rear {
 } strict_rear;
 
 /// Rear axle from a point of the centre. The centre's acceleration holds v k k' b^2 / m too.
-static inline strict_rear strict_rear_of(const verge_point* p, double k_rate)
+static inline strict_rear strict_rear_of(const verge_body* body, const verge_point* p,
+                                         double k_rate)
 {
-    const double b = VERGE_REAR_AXLE;
+    const double b = body->rear_axle;
     const double m = 1.0 / sqrt(1.0 - b * p->curvature * b * p->curvature);
     const double k = p->curvature * m, v = p->speed / m;
     return (strict_rear){ p->x - b * cos(p->heading), p->y - b * sin(p->heading), p->heading, v,
@@ -49,14 +50,16 @@ static inline void strict_hermite(double h, double u, double p0, double v0, doub
 }
 
 /// What is wrong with the motion, or null. `text` receives the numbers.
-static inline const char* strict_motion_fault(const verge_vehicle_plan* plan, double h,
-                                              char text[160])
+static inline const char* strict_motion_fault(const verge_vehicle_plan* plan,
+                                              const verge_body* body, double h, char text[160])
 {
+    const double curvature_max = tan(body->steer_max) / body->wheelbase;
     double k_before = NAN;
     for (uint32_t i = 0; i + 1 < plan->point_count; i += 1) {
         const verge_point* p = &plan->points[i];
         const double k_rate = (p[1].curvature - p[0].curvature) / h;
-        const strict_rear r0 = strict_rear_of(&p[0], k_rate), r1 = strict_rear_of(&p[1], k_rate);
+        const strict_rear r0 = strict_rear_of(body, &p[0], k_rate);
+        const strict_rear r1 = strict_rear_of(body, &p[1], k_rate);
         double turn = remainder(r1.heading - r0.heading, 2.0 * M_PI);
         snprintf(text, 160, "t=%.2f v=%.4f a=%.4f k=%.5f | v=%.4f a=%.4f k=%.5f turn=%.5f", p->t,
                  r0.v, r0.a, r0.k, r1.v, r1.a, r1.k, turn);
@@ -89,8 +92,7 @@ static inline const char* strict_motion_fault(const verge_vehicle_plan* plan, do
             strict_hermite(h, j / 10.0, r0.y, r0.v * sin(r0.heading), a0[1], r1.y,
                            r1.v * sin(r1.heading), a1[1], y);
             const double v = hypot(x[1], y[1]);
-            const double a_squared = x[2] * x[2] + y[2] * y[2];
-            if (a_squared > 11.5 * 11.5 * 1.02) {
+            if (hypot(x[2], y[2]) > 1.01 * fmax(body->braking_max, body->lateral_max)) {
                 return "outside the friction circle";
             }
             if (v < 0.5) {
@@ -99,15 +101,19 @@ static inline const char* strict_motion_fault(const verge_vehicle_plan* plan, do
             }
             const double a = (x[1] * x[2] + y[1] * y[2]) / v;
             const double k = (x[1] * y[2] - y[1] * x[2]) / (v * v * v);
-            if (a > 11.5 * fmin(1.0, 7.319 / v) * 1.02) {
+            if (hypot(a / body->braking_max, v * v * k / body->lateral_max) > 1.01) {
+                return "outside the ellipse of braking and lateral acceleration";
+            }
+            if (a > body->acceleration_max * fmin(1.0, body->speed_switch / v) * 1.02) {
                 return "accelerates harder than the engine can";
             }
-            if (fabs(k) > 0.702 * 1.02) {
+            if (fabs(k) > curvature_max * 1.02) {
                 return "curvature beyond the steering";
             }
-            const double steer_rate = (atan(2.5789 * k) - atan(2.5789 * k_before)) / (0.1 * h);
+            const double steer_rate = (atan(body->wheelbase * k)
+                                       - atan(body->wheelbase * k_before)) / (0.1 * h);
             // Slow positions hide curvature in their last digits: 3 % and 0.02 / v of slack.
-            if (j > 0 && fabs(steer_rate) > 0.4 * 1.03 + 0.02 / v) {
+            if (j > 0 && fabs(steer_rate) > body->steer_rate_max * 1.03 + 0.02 / v) {
                 snprintf(text, 160, "t=%.2f steering rate %.3f rad/s at %.3f m/s", p->t,
                          steer_rate, v);
                 return "steers faster than it can";

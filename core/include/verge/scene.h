@@ -56,7 +56,7 @@ int32_t verge_scene_find(const verge_scene* scene, int32_t vehicle_id);
 /// @retval VERGE_ERR_OFF_ROAD  its centre lies on no lane: not an error for verge_scene_place()
 verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicle* vehicle);
 
-/// Do two vehicles' bodies (oriented rectangles grown by their margins) touch?
+/// Do two vehicles' bodies (oriented rectangles grown by their margins, trailers included) touch?
 bool verge_vehicles_overlap(const verge_vehicle* a, const verge_vehicle* b);
 /// Smallest distance between two bodies [m]; 0 where they touch.
 double verge_vehicles_distance(const verge_vehicle* a, const verge_vehicle* b);

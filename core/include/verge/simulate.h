@@ -24,6 +24,11 @@ verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* d
 verge_status verge_humans_advance(verge_humans* humans, const verge_road* road, verge_vehicle* vehicles,
                                   uint32_t vehicle_count, double dt);
 
+/// Heading of an articulated vehicle's trailer [rad] after the vehicle moved from `before`, with
+/// its trailer_heading, to `after`; at most some tenths of a second should lie between both. Of other
+/// vehicles `after`'s own.
+double verge_vehicle_trailer_heading(const verge_vehicle* before, const verge_vehicle* after);
+
 #ifdef __cplusplus
 }
 #endif

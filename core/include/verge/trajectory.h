@@ -23,13 +23,15 @@ extern "C" {
 typedef struct verge_track {
     int32_t  vehicle_id;
     bool     controlled;
+    uint32_t trailer;                 ///< index of the track of its trailer; 0: none
     double   half_length, half_width; ///< [m] of the body, grown by the vehicle's margin
     double   x[VERGE_POINTS_MAX], y[VERGE_POINTS_MAX];                     ///< [m] centre
     double   cos_heading[VERGE_POINTS_MAX], sin_heading[VERGE_POINTS_MAX]; ///< [1]
     double   speed[VERGE_POINTS_MAX];                                      ///< [m/s]
 } verge_track;
 
-/// One track for each vehicle of a scene, in its order. The array is the caller's.
+/// One track for each vehicle of a scene, in its order, then one for each trailer. The array is the
+/// caller's.
 typedef struct verge_tracks {
     uint32_t     count;
     uint32_t     tracks_max; ///< length of `of`
@@ -46,7 +48,7 @@ static inline verge_tracks verge_tracks_make(verge_track* of, uint32_t tracks_ma
     return tracks;
 }
 
-/// Id and body of a vehicle, and its state at instant 0.
+/// Id and body of a vehicle, without its trailer, and its state at instant 0.
 void verge_track_begin(verge_track* track, const verge_vehicle* vehicle);
 /// Pose and speed at instant k < VERGE_POINTS_MAX. heading [rad] within +-1e6.
 void verge_track_set(verge_track* track, uint32_t k, double x, double y, double heading, double speed);
@@ -61,8 +63,10 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
                                   size_t size);
 /// Fills one track for each vehicle of the scene (section 3.2.2). Vehicles with a decision move as
 /// decided; all others keep their lane behind the vehicle ahead (IDM), and go on across their lane
-/// as measured until the next centre. decision: null where nothing is decided.
-/// @retval VERGE_ERR_CAPACITY  more vehicles than the def or the tracks hold; nothing is changed
+/// as measured until the next centre. Trailers follow their vehicles. decision: null where nothing
+/// is decided.
+/// @retval VERGE_ERR_CAPACITY  more vehicles, or vehicles and trailers, than the def or the tracks
+///                             hold; nothing is changed
 /// @retval VERGE_ERR_DEF       the decision names an unknown lane or action, or is not finite
 verge_status verge_predict(verge_predictor* predictor, const verge_scene* scene,
                            const verge_decision* decision, verge_tracks* tracks);
@@ -134,7 +138,8 @@ verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def
 
 /// Plans the trajectory of the vehicle that `decision` names. It is always filled: where no sampled
 /// trajectory is acceptable, with a fallback that says why.
-/// tracks: one for each vehicle of the scene, in its order; the vehicle's own is not looked at.
+/// tracks: one for each vehicle of the scene, in its order, then those of trailers; the vehicle's own
+/// and that of its trailer are not looked at.
 /// before: the vehicle's last plan, so that a lane change under way goes on, or null.
 /// @retval VERGE_ERR_VEHICLE   the scene does not hold the vehicle
 /// @retval VERGE_ERR_CAPACITY  the tracks do not fit the scene

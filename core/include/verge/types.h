@@ -24,7 +24,8 @@ typedef enum verge_status {
     VERGE_ERR_DEF = -1,         ///< a parameter of the def is out of its range, or def not defaulted
     VERGE_ERR_MEMORY = -2,      ///< the memory given is too small or not 64-byte aligned
     VERGE_ERR_ROAD = -3,        ///< the road cannot be built; see verge_road_check()
-    VERGE_ERR_CAPACITY = -4,    ///< more vehicles or controlled vehicles than the capacities
+    VERGE_ERR_CAPACITY = -4,    ///< more vehicles or controlled vehicles than the capacities; a
+                                ///< trailer counts as a vehicle
     VERGE_ERR_VEHICLE = -5,     ///< a vehicle with a value that is not finite or out of range
     VERGE_ERR_DUPLICATE = -6,   ///< two vehicles with one id
     VERGE_ERR_OFF_ROAD = -7,    ///< a vehicle whose centre lies on no lane

@@ -121,7 +121,7 @@ static problem problem_of(const vg_model* scene, const vg_flow* root, uint32_t s
         .halves = changes == 255 ? 0u : begun && halves > 0 ? halves - 1u : halves,
         .lost = changes == 255,
         .v = (double)root->v[slot],
-        .gain = scene->def->acceleration * scene->def->step_s,
+        .gain = scene->acceleration[slot] * scene->def->step_s,
         .full = full,
         .limit = limit,
     };

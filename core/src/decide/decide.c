@@ -207,7 +207,7 @@ static verge_action_step step_of(const verge_decider* self, const verge_scene* s
         .lane_id = lane->id,
         .t0 = (double)t * self->def.step_s,
         .t1 = (double)(t + 1u) * self->def.step_s,
-        .s = vg_lane_s(lane, (double)after->station[slot]),
+        .s = vg_flow_s(self->model, after, slot),
         .d = (double)after->d[slot],
         .v = (double)after->v[slot],
         .distance = (double)((moves->station[row->along][slot] - before->station[slot])

@@ -7,6 +7,7 @@
 #include "motion/batch.h"
 
 #include "base/contract.h"
+#include "motion/trailer.h"
 
 typedef struct lanes {
     double offset[VG_LANES];
@@ -67,6 +68,7 @@ void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_wei
     const vg_limits* limits = batch->legs[0].limits;
     const scene scene = { vg_alert_zone_of(def, &tracks->of[own], limits->rear_axle),
                           def->clearance, &batch->comfort, limits };
+    const uint32_t trailer = vg_trailer_of(tracks, own);
     vg_row rows[VERGE_POINTS_MAX];
     for (uint32_t p = 0; p < batch->leg_count; p += 1) {
         for (uint32_t k = batch->start; k <= batch->last; k += 1) {
@@ -79,12 +81,15 @@ void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_wei
                 const envelope e = lanes_move(&l, &rows[k], &scene);
                 for (uint32_t j = 0; j < tracks->count; j += 1) {
                     const other o = other_at(&tracks->of[j], k);
-                    if (j != own && !out_of_reach(&e, &rows[k].line, &scene, &o)) {
+                    if (j != own && j != trailer && !out_of_reach(&e, &rows[k].line, &scene, &o)) {
                         lanes_meet(&l, &scene, &o);
                     }
                 }
             }
             const uint32_t at = p * batch->offset_count + i;
+            for (uint32_t k = 0; limits->has_trailer && k < VG_LANES; k += 1) {
+                l.alarm[k] = 1.0; // where the trailer goes, only the exact check knows
+            }
             lanes_end(&l, weights, batch->in_lane, batch->costs + at, batch->marks + at);
         }
     }

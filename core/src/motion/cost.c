@@ -1,6 +1,7 @@
 /// See cost.h: the straight form. The fast one, for eight candidates at a time, is batch.c; a
 /// test holds them together.
 #include "motion/cost.h"
+#include "motion/trailer.h"
 
 vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const verge_track* own,
                                double rear_axle)
@@ -28,6 +29,7 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
                        const verge_tracks* tracks, uint32_t own, bool in_lane)
 {
     const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own], leg->limits->rear_axle);
+    const uint32_t trailer = vg_trailer_of(tracks, own);
     verge_cost cost = { 0 };
     for (uint32_t k = start + 1; k <= last; k += 1) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
@@ -38,7 +40,8 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
         cost.acceleration += vg_square(rear.acceleration);
         cost.jerk += vg_square(rear.jerk);
         for (uint32_t j = 0; j < tracks->count; j += 1) {
-            cost.obstacle += j == own ? 0.0 : vg_alert_cost(&zone, &rear, &tracks->of[j], k);
+            cost.obstacle += j == own || j == trailer
+                                 ? 0.0 : vg_alert_cost(&zone, &rear, &tracks->of[j], k);
         }
     }
     cost.curvature *= weights->curvature;

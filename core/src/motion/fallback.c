@@ -9,6 +9,7 @@
 #include "base/contract.h"
 #include "motion/target.h"
 #include "motion/workspace.h"
+#include "motion/trailer.h"
 
 /// Decelerations tried [m/s^2]. Slowing down ends at comfort_braking; 8 is what tyres do on a
 /// dry road (reference car: 11.5 at the very most).
@@ -134,10 +135,14 @@ static verdict judge(vg_workspace* ws, const vg_job* job, const verge_tracks* tr
     }
     vg_workspace_drive(ws, def, leg, 0.0, 0, last);
     bool pressed = false;
+    const uint32_t trailer = vg_trailer_of(tracks, job->track_index);
     for (uint32_t j = 0; j < tracks->count; j += 1) {
-        if (j != job->track_index) {
-            const uint32_t k = vg_contact_new(&ws->body, &tracks->of[j], 0.0, last);
-            v.contact = k < v.contact ? k : v.contact;
+        if (j != job->track_index && j != trailer) {
+            for (uint32_t i = 0; i < vg_workspace_bodies(ws); i += 1) {
+                const uint32_t k = vg_contact_new(vg_workspace_body(ws, i), &tracks->of[j], 0.0,
+                                                  last);
+                v.contact = k < v.contact ? k : v.contact;
+            }
             pressed |= (ws->blocking >> j & 1) != 0
                     && presses(&ws->body, &tracks->of[j], last);
         }

@@ -1,5 +1,6 @@
 /// See follow.h.
 #include "motion/follow.h"
+#include "motion/trailer.h"
 
 /// Bodies slower than this are waited for whichever way they point. [m/s]
 #define STANDING 0.5
@@ -21,7 +22,7 @@ double vg_follow_speed(const vg_following* f, const vg_state* from, double braki
     const double reach = v * f->T + v * v / (2.0 * braking) + LOOK_BEYOND;
     double least = VG_HUGE;
     for (uint32_t j = 0; j < f->tracks->count; j += 1) {
-        if (j == f->own) {
+        if (j == f->own || j == vg_trailer_of(f->tracks, f->own)) {
             continue;
         }
         double leader = 0.0;

@@ -222,7 +222,9 @@ verge_status verge_plan_vehicle(verge_sampler* self, const verge_scene* scene,
     if (index < 0) {
         return VERGE_ERR_VEHICLE;
     }
-    if (tracks->count != scene->vehicle_count) {
+    const uint32_t trailer = tracks->count < scene->vehicle_count ? 0 : tracks->of[index].trailer;
+    if (tracks->count < scene->vehicle_count || tracks->count > VERGE_VEHICLES_MAX
+        || trailer >= tracks->count) {
         return VERGE_ERR_CAPACITY;
     }
     if (!vg_job_begin(&self->job, &self->def, scene, (uint32_t)index, decision, before, plan)) {

@@ -4,6 +4,7 @@
 /// first, so the executor cannot change the outcome.
 #include "motion/contact.h"
 #include "base/contract.h"
+#include "motion/trailer.h"
 #include "motion/workspace.h"
 
 /// Rounds of the joint check. After the last one a pair that still touches has one fallback.
@@ -19,6 +20,7 @@ typedef struct tasks {
 
 static void plan_one(void* arg, uint32_t index);
 static void settle(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks);
+static void copy_motion(const verge_track* from, verge_track* to, uint32_t points);
 static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b);
 static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const verge_tracks* tracks,
                        const verge_vehicle_plan* plans, uint32_t pass);
@@ -81,21 +83,38 @@ static void plan_one(void* arg, uint32_t index)
 /// The planned trajectory takes the place of the prediction.
 static void settle(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks)
 {
-    verge_track* track = &tracks->of[job->track_index];
-    for (uint32_t k = 0; k < job->def->points; k += 1) {
-        track->x[k] = ws->body.x[k];
-        track->y[k] = ws->body.y[k];
-        track->cos_heading[k] = ws->body.cos_heading[k];
-        track->sin_heading[k] = ws->body.sin_heading[k];
-        track->speed[k] = ws->body.speed[k];
+    const uint32_t trailer = vg_trailer_of(tracks, job->track_index);
+    copy_motion(&ws->body, &tracks->of[job->track_index], job->def->points);
+    if (trailer != job->track_index) {
+        copy_motion(&ws->trailer, &tracks->of[trailer], job->def->points);
+    }
+}
+
+static void copy_motion(const verge_track* from, verge_track* to, uint32_t points)
+{
+    for (uint32_t k = 0; k < points; k += 1) {
+        to->x[k] = from->x[k];
+        to->y[k] = from->y[k];
+        to->cos_heading[k] = from->cos_heading[k];
+        to->sin_heading[k] = from->sin_heading[k];
+        to->speed[k] = from->speed[k];
     }
 }
 
 static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b)
 {
     const uint32_t last = a->def->points - 1;
-    return vg_contact_new(&tracks->of[a->track_index], &tracks->of[b->track_index], 0.0, last)
-        <= last;
+    const uint32_t of_a[2] = { a->track_index, vg_trailer_of(tracks, a->track_index) };
+    const uint32_t of_b[2] = { b->track_index, vg_trailer_of(tracks, b->track_index) };
+    const uint32_t count_a = of_a[0] == of_a[1] ? 1 : 2, count_b = of_b[0] == of_b[1] ? 1 : 2;
+    for (uint32_t i = 0; i < count_a * count_b; i += 1) {
+        const verge_track* one = &tracks->of[of_a[i / count_b]];
+        const verge_track* other = &tracks->of[of_b[i % count_b]];
+        if (vg_contact_new(one, other, 0.0, last) <= last) {
+            return true;
+        }
+    }
+    return false;
 }
 
 /// Of two that touch the later id yields, unless exactly one is a fallback: then the other one

@@ -42,6 +42,7 @@ vg_limits vg_limits_of(const verge_body* body)
         .per_speed = 1.0 / body->speed_max,
         .per_braking_squared = 1.0 / (body->braking_max * body->braking_max),
         .lateral_share = body->braking_max / body->lateral_max,
+        .has_trailer = body->trailer_length > 0.0,
     };
 }
 

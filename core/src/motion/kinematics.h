@@ -39,6 +39,7 @@ typedef struct vg_limits {
     double per_curvature, per_steer_rate, per_speed_switch, per_acceleration, per_speed;
     double per_braking_squared;    ///< [s^4/m^2]
     double lateral_share;          ///< [1] braking over lateral acceleration, each the most
+    bool   has_trailer;
 } vg_limits;
 
 vg_limits vg_limits_of(const verge_body* body);

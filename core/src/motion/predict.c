@@ -8,6 +8,7 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "motion/expected.h"
+#include "motion/trailer.h"
 #include "traffic/advance.h"
 
 #include <string.h>
@@ -109,7 +110,8 @@ verge_status verge_predict(verge_predictor* self, const verge_scene* scene,
     const verge_planner_def* def = &self->def;
     const uint32_t count = scene->vehicle_count;
     const uint64_t decided = decided_vehicles(scene, decision);
-    if (count > def->vehicles_max || count > tracks->tracks_max || vg_bits(decided) > def->controlled_max) {
+    const uint32_t bodies = vg_scene_bodies(scene);
+    if (bodies > def->vehicles_max || bodies > tracks->tracks_max || vg_bits(decided) > def->controlled_max) {
         return VERGE_ERR_CAPACITY;
     }
     vg_flow *root = &self->flows[0], *now = &self->flows[1], *next = &self->flows[2];
@@ -142,6 +144,7 @@ verge_status verge_predict(verge_predictor* self, const verge_scene* scene,
         }
         vg_flow_derive(self->model, now);
     }
+    vg_trailers_predict(tracks, scene->vehicles, count, def->points);
     return VERGE_OK;
 }
 
@@ -162,6 +165,7 @@ void verge_track_begin(verge_track* track, const verge_vehicle* vehicle)
     VERGE_ASSERT(track != NULL && vehicle != NULL);
     track->vehicle_id = vehicle->id;
     track->controlled = vehicle->controlled;
+    track->trailer = 0;
     track->half_length = 0.5 * vehicle->length + vehicle->margin;
     track->half_width = 0.5 * vehicle->width + vehicle->margin;
     verge_track_set(track, 0, vehicle->x, vehicle->y, vehicle->heading, vehicle->speed);
@@ -195,7 +199,7 @@ static void set_pose(const verge_predictor* self, verge_track* track, const vg_f
     const verge_road* road = self->model->road;
     const uint32_t lane = (uint32_t)now->lane[slot];
     const int32_t target = slot < self->model->controlled_count ? self->model->target[slot] : -1;
-    const double s = vg_lane_s(&road->lanes[lane], (double)now->station[slot]);
+    const double s = vg_flow_s(self->model, now, slot);
     const vg_reference at = vg_road_at(road, lane, target, s);
     const double c = at.cos_heading, n = at.sin_heading, d = (double)now->d[slot];
     track->x[k] = at.x - d * n;
@@ -218,7 +222,7 @@ static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle,
 {
     const vg_flow* root = &self->flows[0];
     const vg_lane* lane = &self->model->road->lanes[root->lane[slot]];
-    const vg_reference at = vg_lane_at(lane, vg_lane_s(lane, (double)root->station[slot]));
+    const vg_reference at = vg_lane_at(lane, vg_flow_s(self->model, root, slot));
     double sine = 0.0, cosine = 1.0;
     vg_sincos(vehicle->heading, &sine, &cosine);
     const double rate = vehicle->speed * (sine * at.cos_heading - cosine * at.sin_heading);
@@ -292,7 +296,10 @@ static void set_decided_state(const verge_predictor* self, uint32_t slot, double
     const double y = y0 + u * (m0 + u * (3.0 * rise - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * rise)));
     *d_rate = (m0 + u * (2.0 * (3.0 * rise - 2.0 * m0 - m1) + u * 3.0 * (m0 + m1 - 2.0 * rise))) / step_s;
     now->lane[slot] = (int32_t)from->lane;
-    now->station[slot] = from->station + (float)distance / from->rate;
+    // The middle of vehicle and trailer is what the vehicles behind it follow.
+    now->station[slot] = from->station + (float)distance / from->rate
+                         - (float)self->model->back[slot] / from->rate;
     now->v[slot] = (float)(v0 + (v1 - v0) * u);
-    now->d[slot] = (float)y - vg_lane_lateral(&road->lanes[from->lane], now->station[slot]);
+    const float station = from->station + (float)distance / from->rate; // of the vehicle
+    now->d[slot] = (float)y - vg_lane_lateral(&road->lanes[from->lane], station);
 }

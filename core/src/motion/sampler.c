@@ -9,6 +9,7 @@
 #include "motion/contact.h"
 #include "base/contract.h"
 #include "motion/target.h"
+#include "motion/trailer.h"
 #include "motion/workspace.h"
 
 /// First-segment choices followed up before a chain is given up. Each costs one more batch.
@@ -43,6 +44,8 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset);
 static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain);
+static bool body_meets(const vg_workspace* ws, uint32_t i, const vg_batch* batch,
+                       const chain* chain, uint32_t j);
 static uint32_t reference_lane(const vg_job* job, const vg_segment* segment, uint32_t lane);
 static uint32_t instant_of(const vg_job* job, const vg_segment* segment);
 
@@ -282,35 +285,39 @@ static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, con
     return true;
 }
 
-/// Exact: does the body touch another one on the way to the end of this leg?
+/// Exact: does the vehicle or its trailer touch another body on the way to the end of this leg?
 static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain)
 {
     const verge_tracks* tracks = chain->tracks;
-    const vg_job* job = chain->job;
-    const uint32_t last = batch->last;
-    const bool whole = last + 1 == job->def->points;
-    for (uint32_t j = 0; j < tracks->count; j += 1) {
-        if (j == job->track_index) {
-            continue;
-        }
-        const verge_track* other = &tracks->of[j];
-        const double clearance = job->def->clearance;
-        const bool near = (ws->near_start >> j & 1) != 0;
-        bool meets;
-        if (near) {
-            // Must part before the horizon ends, and not meet again.
-            meets = vg_contact_new(&ws->body, other, clearance, last) <= last
-                 || (whole && vg_contact_at(&ws->body, other, 0.0, last));
-        } else {
-            meets = vg_contact_first(&ws->body, other, clearance, batch->start, last) <= last;
-        }
-        if (meets) {
-            ws->refusals.human |= !other->controlled;
-            ws->refusals.planned |= other->controlled;
-            return true;
+    const uint32_t own = chain->job->track_index, trailer = vg_trailer_of(tracks, own);
+    for (uint32_t i = 0; i < vg_workspace_bodies(ws); i += 1) {
+        for (uint32_t j = 0; j < tracks->count; j += 1) {
+            const verge_track* other = &tracks->of[j];
+            if (j != own && j != trailer && body_meets(ws, i, batch, chain, j)) {
+                ws->refusals.human |= !other->controlled;
+                ws->refusals.planned |= other->controlled;
+                return true;
+            }
         }
     }
     return false;
+}
+
+/// Does body i of the vehicle touch track j?
+static bool body_meets(const vg_workspace* ws, uint32_t i, const vg_batch* batch,
+                       const chain* chain, uint32_t j)
+{
+    const verge_track* body = vg_workspace_body(ws, i);
+    const verge_track* other = &chain->tracks->of[j];
+    const double clearance = chain->job->def->clearance;
+    const uint32_t last = batch->last;
+    if ((ws->near_start[i] >> j & 1) == 0) {
+        return vg_contact_first(body, other, clearance, batch->start, last) <= last;
+    }
+    // Must part before the horizon ends, and not meet again.
+    const bool whole = last + 1 == chain->job->def->points;
+    return vg_contact_new(body, other, clearance, last) <= last
+        || (whole && vg_contact_at(body, other, 0.0, last));
 }
 
 /// The lane whose line a segment follows, coming from `lane`. Keeping a lane means to go on along

@@ -2,6 +2,7 @@
 #include "motion/workspace.h"
 
 #include "base/contract.h"
+#include "motion/trailer.h"
 
 /// Path kept behind the vehicle and beyond its farthest end. [m]
 #define PATH_BEHIND 30.0
@@ -19,6 +20,7 @@
 #define WIDENING 1.05
 
 static void widen(vg_limits* limits, const vg_motion* start);
+static void note_near(vg_workspace* ws, uint32_t i, const vg_job* job, const verge_tracks* tracks);
 static bool in_front(const verge_track* body, const verge_track* other);
 
 // Knots that the longest path of a job takes: as long as the fastest vehicle drives within the horizon.
@@ -47,8 +49,8 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks*
     const verge_track* own = &tracks->of[job->track_index];
     const vg_motion centre = { v->x, v->y, v->heading, v->speed, v->acceleration,
                                job->curvature };
-    const verge_body shape = verge_vehicle_body(v);
-    ws->limits = vg_limits_of(&shape);
+    ws->shape = verge_vehicle_body(v);
+    ws->limits = vg_limits_of(&ws->shape);
     ws->start = vg_motion_of_rear(&centre, ws->limits.rear_axle);
     if (ws->start.speed < 1e-3) {
         ws->start.speed = 0.0; // at rest nothing pulls backwards
@@ -58,7 +60,7 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks*
     ws->path_lanes[0] = ws->path_lanes[1] = -1;
     ws->cost = (verge_cost){ 0 };
     ws->refusals = (vg_refusals){ 0 };
-    ws->near_start = ws->blocking = 0;
+    ws->near_start[0] = ws->near_start[1] = ws->blocking = 0;
 
     verge_track* body = &ws->body;
     body->vehicle_id = v->id;
@@ -69,13 +71,26 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks*
     body->y[0] = v->y;
     vg_sincos(v->heading, &body->sin_heading[0], &body->cos_heading[0]);
     body->speed[0] = v->speed;
+    if (vg_workspace_bodies(ws) > 1) {
+        vg_trailer_start(v, &ws->shape, body, &ws->trailer);
+    }
+    for (uint32_t i = 0; i < vg_workspace_bodies(ws); i += 1) {
+        note_near(ws, i, job, tracks);
+    }
+}
+
+/// Other bodies that are near one of the vehicle's own at t = 0 already.
+static void note_near(vg_workspace* ws, uint32_t i, const vg_job* job, const verge_tracks* tracks)
+{
+    const verge_track* body = vg_workspace_body(ws, i);
     for (uint32_t j = 0; j < tracks->count; j += 1) {
         const verge_track* other = &tracks->of[j];
-        if (j != job->track_index && vg_contact_at(body, other, job->def->clearance, 0)) {
-            ws->near_start |= (uint64_t)1 << j;
+        if (j != job->track_index && j != vg_trailer_of(tracks, job->track_index)
+            && vg_contact_at(body, other, job->def->clearance, 0)) {
+            ws->near_start[i] |= (uint64_t)1 << j;
             const bool overlap = vg_contact_at(body, other, 0.0, 0);
             ws->refusals.overlap |= overlap;
-            ws->blocking |= (uint64_t)(overlap && in_front(body, other)) << j;
+            ws->blocking |= (uint64_t)(i == 0 && overlap && in_front(body, other)) << j;
         }
     }
 }
@@ -146,6 +161,9 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
         body->sin_heading[k] = rear.sin_heading;
         body->speed[k] = vg_max(rear.speed, 0.0)
                        * vg_sqrt(1.0 + vg_square(rear_axle * rear.curvature));
+    }
+    if (vg_workspace_bodies(ws) > 1) {
+        vg_trailer_follow(&ws->shape, body, &ws->trailer, start, last);
     }
 }
 

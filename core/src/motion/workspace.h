@@ -23,6 +23,8 @@ struct vg_workspace {
     int32_t  path_lanes[2];   ///< lane index of each path; -1 none
     vg_batch first, later;    ///< candidates of the first segment, and of the present later one
     verge_track body;            ///< centre, of the trajectory so far
+    verge_track trailer;         ///< the same of the trailer, where there is one
+    verge_body shape;         ///< of the vehicle
     vg_rear  motion[VERGE_POINTS_MAX]; ///< rear axle, of the trajectory so far; not at t = 0
     vg_motion start;          ///< rear axle at t = 0
     vg_limits limits;         ///< of the vehicle's body
@@ -31,12 +33,23 @@ struct vg_workspace {
     double   settled;         ///< [s] end of the first segment's lateral motion
     verge_cost cost;          ///< of the trajectory so far
     vg_refusals refusals;
-    uint64_t near_start;      ///< tracks (bits) nearer than the clearance at t = 0
+    uint64_t near_start[2];   ///< tracks (bits) nearer than the clearance at t = 0 to the vehicle,
+                              ///< to its trailer
     uint64_t blocking;        ///< tracks (bits) the body overlaps at t = 0 that are in front of it
     uint64_t evaluated;       ///< candidates
 };
 
 _Static_assert(VERGE_VEHICLES_MAX <= 64, "tracks near the start are a 64-bit set");
+
+/// How many bodies the vehicle has, and each: the vehicle is body 0, its trailer body 1.
+static inline uint32_t vg_workspace_bodies(const vg_workspace* workspace)
+{
+    return workspace->shape.trailer_length > 0.0 ? 2 : 1;
+}
+static inline const verge_track* vg_workspace_body(const vg_workspace* workspace, uint32_t i)
+{
+    return i == 0 ? &workspace->body : &workspace->trailer;
+}
 
 /// Path along a lane from where the vehicle is, from the cache or built into the slot that
 /// `keep` (may be null) does not occupy.

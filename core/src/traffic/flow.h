@@ -83,6 +83,13 @@ typedef struct vg_model {
     VG_ALIGNED float half_width[VERGE_VEHICLES_MAX];  ///< [m] with margin
     VG_ALIGNED float cruise[VERGE_VEHICLES_MAX];      ///< [m/s] the IDM's desired speed
     VG_ALIGNED float braking[VERGE_VEHICLES_MAX];     ///< [m/s^2] the IDM's hardest
+    float    gain[VERGE_CONTROLLED_MAX];       ///< [m/s] of AC in a step, as the body can
+    float    loss[VERGE_CONTROLLED_MAX];       ///< [m/s] of DC in a step
+    float    stop[VERGE_CONTROLLED_MAX];       ///< [s^2/m] distance of a stop by DC over speed squared
+    float    speed_max[VERGE_CONTROLLED_MAX];  ///< [m/s] of the body; no AC beyond
+    double   acceleration[VERGE_CONTROLLED_MAX]; ///< [m/s^2] of AC
+    double   back[VERGE_VEHICLES_MAX];         ///< [m] the middle of vehicle and trailer lies behind
+                                               ///< the vehicle's; the flow's stations are the middle's
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
     uint64_t target_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
     float    lane_value[VERGE_CONTROLLED_MAX][VERGE_LANES_MAX]; ///< [1] 1 on a target lane, less before it
@@ -106,6 +113,17 @@ uint64_t vg_scene_controlled(const verge_scene* scene);
 /// From now on uncontrolled vehicles want to drive at their lane's limit, as the IDM has it; before,
 /// they go on as measured. For simulators.
 void vg_model_free_humans(vg_model* model, const vg_flow* flow);
+
+/// How many bodies a vehicle has: 2 with a trailer, else 1.
+uint32_t vg_body_count(const verge_vehicle* vehicle);
+uint32_t vg_scene_bodies(const verge_scene* scene);
+
+/// s [m] of a vehicle's own centre on its lane; that of the flow's stations where it has no trailer.
+static inline double vg_flow_s(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const vg_lane* lane = &model->road->lanes[flow->lane[slot]];
+    return vg_lane_s(lane, (double)flow->station[slot]) + model->back[slot];
+}
 
 /// Looks up the derived fields of all slots after their station, d, v or lane were set.
 void vg_flow_derive(const vg_model* model, vg_flow* flow);

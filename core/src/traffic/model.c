@@ -15,6 +15,14 @@ static const double cruise_min = 0.05;
 // small gap. [1]
 static const double normal_cooperation = 0.5;
 
+// From the centre back to the rear, of the trailer where there is one. [m]
+static double length_behind(const verge_body* body)
+{
+    const double rear = 0.5 * body->length;
+    return body->trailer_length > 0.0
+               ? vg_max(rear, body->hitch + body->trailer_length - body->trailer_front) : rear;
+}
+
 static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint32_t input_index,
                   uint32_t slot)
 {
@@ -24,7 +32,9 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
     VERGE_ASSERT(index >= 0);
     const vg_lane* lane = &model->road->lanes[index];
     model->input_index[slot] = input_index;
-    model->half_length[slot] = (float)(0.5 * vehicle->length + vehicle->margin);
+    const verge_body body = verge_vehicle_body(vehicle);
+    model->back[slot] = 0.5 * (length_behind(&body) - 0.5 * vehicle->length);
+    model->half_length[slot] = (float)(0.5 * vehicle->length + model->back[slot] + vehicle->margin);
     model->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
     // A human goes on as measured: a vehicle that speeds up does so to the limit, any other to the
     // speed its acceleration leads to soon. A standing vehicle stays; a braking one brakes on. The
@@ -34,7 +44,7 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
                             ? fastest : vehicle->speed + trend_s * vehicle->acceleration;
     model->cruise[slot] = (float)vg_clamp(soon, cruise_min, fastest);
     model->braking[slot] = (float)vg_max(model->def->idm_braking_max, -vehicle->acceleration);
-    flow->station[slot] = (float)vg_lane_station(lane, at->s);
+    flow->station[slot] = (float)vg_lane_station(lane, at->s - model->back[slot]);
     flow->d[slot] = (float)at->d;
     flow->v[slot] = (float)vehicle->speed;
     flow->lane[slot] = index;
@@ -47,6 +57,21 @@ void vg_model_free_humans(vg_model* model, const vg_flow* flow)
         model->cruise[i] = (float)vg_max(vg_max(limit, (double)flow->v[i]), 1.0);
         model->braking[i] = (float)model->def->idm_braking_max;
     }
+}
+
+// The actions of Table 1, no harder than the vehicle's body can.
+static void limit_actions(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)
+{
+    const verge_planner_def* def = model->def;
+    const verge_body body = verge_vehicle_body(vehicle);
+    const double fade = vg_min(1.0, body.speed_switch / vg_max(vehicle->speed, 1e-3));
+    const double a = vg_min(def->acceleration, body.acceleration_max * fade);
+    const float dt = (float)def->step_s;
+    model->acceleration[slot] = a;
+    model->gain[slot] = (float)a * dt;
+    model->loss[slot] = (float)vg_min(def->deceleration, body.braking_max) * dt;
+    model->stop[slot] = 0.5f * dt / model->loss[slot];
+    model->speed_max[slot] = (float)body.speed_max;
 }
 
 static void intend(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)
@@ -130,6 +155,7 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
             if (pass == 0) {
                 VERGE_ASSERT(slot < VERGE_CONTROLLED_MAX);
                 intend(model, &scene->vehicles[i], slot);
+                limit_actions(model, &scene->vehicles[i], slot);
                 flow->previous[slot] = VERGE_ACTION_COUNT;
                 model->controlled_count++;
             }

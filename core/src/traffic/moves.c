@@ -48,17 +48,16 @@ void vg_flow_moves_unchecked(const vg_model* model, const vg_flow* flow, vg_move
     }
 }
 
-// Table 1. A deceleration that reaches standstill stops there.
+// Table 1, as far as each body can. A deceleration that reaches standstill stops there.
 static void longitudinal_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 {
     const float dt = (float)model->def->step_s;
-    const float gain = (float)model->def->acceleration * dt;
-    const float loss = (float)model->def->deceleration * dt;
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         const float v = flow->v[i], station = flow->station[i];
+        const float gain = model->gain[i], loss = model->loss[i];
         const float per_metre = 1.0f / flow->rate[i];
         const float v_dc = vg_maxf(v - loss, 0.0f);
-        const float stopping = v * v * (0.5f * dt / loss);
+        const float stopping = v * v * model->stop[i];
         const float way_dc = v < loss ? stopping : (v + v_dc) * (0.5f * dt);
         moves->station[0][i] = station + v * dt * per_metre;
         moves->station[1][i] = station + (v + 0.5f * gain) * dt * per_metre;
@@ -228,7 +227,7 @@ static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves
     const margins dc = margins_of(model, &keep, half, moves->v[2][slot],
                                   (moves->station[2][slot] - station) * rate);
     uint32_t legal = fits(ks) ? 1u << VERGE_KEEP_SPEED : 0u;
-    if (fits(ac) && moves->v[1][slot] <= flow->limit[slot]) {
+    if (fits(ac) && moves->v[1][slot] <= vg_minf(flow->limit[slot], model->speed_max[slot])) {
         legal |= 1u << VERGE_ACCELERATE;
     }
     if (fits(dc) && flow->v[slot] > 0.0f) {

@@ -5,8 +5,9 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
-#include "geometry/rectangle.h"
+#include "geometry/trailer.h"
 #include "road/road.h"
+#include "traffic/flow.h"
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v);
 static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count);
@@ -160,14 +161,54 @@ static vg_rectangle body_of(const verge_vehicle* v)
     return body;
 }
 
+uint32_t vg_body_count(const verge_vehicle* vehicle)
+{
+    return vehicle->body.trailer_length > 0.0 ? 2 : 1;
+}
+
+uint32_t vg_scene_bodies(const verge_scene* scene)
+{
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
+        count += vg_body_count(&scene->vehicles[i]);
+    }
+    return count;
+}
+
+// Rectangles of a vehicle: its own and, of an articulated one, its trailer's. Returns how many.
+static uint32_t bodies_of(const verge_vehicle* v, vg_rectangle bodies[2])
+{
+    bodies[0] = body_of(v);
+    if (vg_body_count(v) == 1) {
+        return 1;
+    }
+    double sine, cosine;
+    vg_sincos(vg_finite(v->trailer_heading) ? v->trailer_heading : v->heading, &sine, &cosine);
+    bodies[1] = vg_trailer_at(&v->body, &bodies[0], cosine, sine);
+    bodies[1].half_length += v->margin;
+    bodies[1].half_width += v->margin;
+    return 2;
+}
+
 bool verge_vehicles_overlap(const verge_vehicle* a, const verge_vehicle* b)
 {
-    const vg_rectangle first = body_of(a), second = body_of(b);
-    return vg_rectangle_overlap(&first, &second);
+    vg_rectangle first[2], second[2];
+    const uint32_t first_count = bodies_of(a, first), second_count = bodies_of(b, second);
+    bool overlap = false;
+    for (uint32_t i = 0; i < first_count * second_count; ++i) {
+        overlap = overlap || vg_rectangle_overlap(&first[i / second_count], &second[i % second_count]);
+    }
+    return overlap;
 }
 
 double verge_vehicles_distance(const verge_vehicle* a, const verge_vehicle* b)
 {
-    const vg_rectangle first = body_of(a), second = body_of(b);
-    return vg_rectangle_distance(&first, &second);
+    vg_rectangle first[2], second[2];
+    const uint32_t first_count = bodies_of(a, first), second_count = bodies_of(b, second);
+    double least = VG_HUGE;
+    for (uint32_t i = 0; i < first_count * second_count; ++i) {
+        least = vg_min(least,
+                       vg_rectangle_distance(&first[i / second_count], &second[i % second_count]));
+    }
+    return least;
 }

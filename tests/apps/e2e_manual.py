@@ -104,7 +104,7 @@ def main():
     for program in programs:
         check_completion(program, check_program(program))
     check_codes("FAULTS", "apps/rsu/status.h", "RSU_FAULT_")
-    check_codes("FALLBACKS", "core/include/verge/plan.h", "VERGE_REASON_")
+    check_codes("FALLBACKS", "core/include/verge/trajectory.h", "VERGE_REASON_")
     check_references()
     check_mandoc()
     print(f"{len(programs)} programs, {len(PAGES)} pages")

@@ -40,10 +40,10 @@ done
 cpp_flags=(-std=c++17 -I "$source_dir/core/include" -I "$source_dir/core/src" -isystem "${EIGEN_INCLUDE:-/usr/include/eigen3}"
     -fno-exceptions -fno-rtti -fno-threadsafe-statics -ffp-contract=off -fno-math-errno
     -fno-trapping-math -DEIGEN_DONT_VECTORIZE -DEIGEN_DONT_PARALLELIZE -DEIGEN_NO_MALLOC
-    -DEigen=EigenVerge -Wall -Werror)
+    -DEIGEN_NO_DEBUG -Wall -Werror)
 islands=0
 for file in "$source_dir"/core/src/*/*.cpp; do
-    for level in -O0 -O2; do
+    for level in -O0 -O3; do
         g++ "${cpp_flags[@]}" $level -c "$file" -o "$work/object.o"
         # Templates that the object defines itself are not asked for.
         foreign=$(nm --undefined-only "$work/object.o" | awk '{ print $2 }' |

@@ -4,18 +4,23 @@
 /// Results must not depend on how Eigen orders a sum. So: products, dot products and norms of two
 /// terms, where there is but one order; everything coefficient by coefficient; longer sums only of
 /// small integers, which are exact in any order. All others are written out. sqrt is vg_sqrt.
+///
+/// Eigen stands where the code then reads like the mathematics: the end conditions of the quintic
+/// (a 3 x 3 solve) and the frames of rectangles. Plain C is better where a vector would only be a pair
+/// of doubles (line.c, kinematics.h), in the loops over candidates, which the compiler vectorizes over
+/// candidates and not over coordinates (batch.c), and for the banded system of the road's fit, for
+/// which Eigen has no solver without a heap (road/fit.c).
 #ifndef VG_LINEAR_HPP
 #define VG_LINEAR_HPP
 
 #include "base/contract.h"
 
-#if !defined(EIGEN_DONT_VECTORIZE) || !defined(EIGEN_NO_MALLOC)
-#error "packets reorder sums and matrices may not allocate: see core/CMakeLists.txt"
+#if !defined(EIGEN_DONT_VECTORIZE) || !defined(EIGEN_NO_MALLOC) || !defined(EIGEN_NO_DEBUG)
+#error "packets reorder sums, matrices may not allocate, all is inlined: see core/CMakeLists.txt"
 #endif
 #ifndef EIGEN_NO_IO
 #define EIGEN_NO_IO
 #endif
-#define eigen_assert(condition) VERGE_ASSERT(condition) // the library has one way out
 
 #include <Eigen/Core>
 #include <Eigen/LU>
@@ -24,12 +29,6 @@ using Eigen::Matrix2d;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-/// z of the cross product: the area a and b span, positive where b lies to the left of a.
-static inline double vg_cross(const Vector2d& a, const Vector2d& b)
-{
-    return a.x() * b.y() - a.y() * b.x();
-}
 
 /// The frame that heads along (cosine, sine): its columns are ahead and left. It takes what is seen
 /// from a body to the plane; its transpose takes the plane to the body.

@@ -61,6 +61,7 @@ void cycle_run(cycle* self, int64_t number, int64_t utime)
 // ---- begin --------------------------------------------------------------------------------
 
 static void start_afresh(cycle* self);
+static void report_placed(cycle* self);
 static void remove_vehicle(inbox_view* view, uint32_t index);
 
 void cycle_begin(cycle* self, int64_t number, int64_t utime)
@@ -68,6 +69,7 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
     if (utime <= self->utime) {
         start_afresh(self);
     }
+    report_placed(self);
     self->number = number;
     self->utime = utime;
     inbox_snapshot(&self->inbox, utime, &self->view);
@@ -75,11 +77,9 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
         verge_planner_reset(self->def.planner);
     }
     // The planner refuses a whole step because of one unusable vehicle. The inbox accepts none;
-    // this check protects the others in case projection has made a vehicle unusable.
-    const verge_road* road = verge_planner_road(self->def.planner);
+    // this check protects the others in case extrapolation has made a vehicle unusable.
     for (uint32_t i = self->view.count; i-- > 0;) {
-        const verge_status status = verge_road_check_vehicle(road, &self->view.vehicles[i]);
-        if (status != VERGE_OK && status != VERGE_ERR_OFF_ROAD) {
+        if (!verge_vehicle_check(&self->view.vehicles[i], NULL)) {
             self->counters.unusable++;
             remove_vehicle(&self->view, i);
         }
@@ -92,6 +92,23 @@ static void start_afresh(cycle* self)
 {
     verge_planner_reset(self->def.planner);
     forget_states(self);
+}
+
+/// Reports to the inbox which vehicles the last cycle found on a lane. This happens here and not at
+/// the end of that cycle: a recording holds the states in their order among the beginnings of
+/// cycles, and a replay has to judge each state alike.
+static void report_placed(cycle* self)
+{
+    const verge_scene* scene = verge_planner_scene(self->def.planner);
+    const bool         stepped = self->view.controlled_count > 0 && self->status == VERGE_OK;
+    int32_t            ids[VERGE_VEHICLES_MAX];
+    uint32_t           count = 0;
+    for (uint32_t i = 0; stepped && i < scene->vehicle_count; i++) {
+        if (scene->positions[i].lane_id != VERGE_NO_LANE) {
+            ids[count++] = scene->vehicles[i].id;
+        }
+    }
+    inbox_placed(&self->inbox, ids, count);
 }
 
 /// Removes one vehicle and keeps the order of the others.

@@ -188,6 +188,12 @@ const verge_road* verge_planner_road(const verge_planner* self)
     return self->road;
 }
 
+const verge_scene* verge_planner_scene(const verge_planner* self)
+{
+    VERGE_ASSERT(self != NULL);
+    return &self->scenes[0];
+}
+
 verge_counters verge_planner_counters(const verge_planner* self)
 {
     return self->counters;

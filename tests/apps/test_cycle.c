@@ -476,6 +476,42 @@ static void test_each_refusal_is_counted_by_its_name(void** state)
     unit_end(self);
 }
 
+static void test_a_vehicle_that_leaves_the_map_is_used_once_more_and_strangers_never(void** state)
+{
+    (void)state;
+    unit* self = unit_start();
+    const inbox_counters* rx = &self->cycle.inbox.counters;
+    hear(self, 0, 0.0, true);
+    hear(self, 2, 0.0, false);
+    run_at(self, 0.1);
+    assert_int_equal(self->cycle.view.count, 2);
+    run_at(self, 0.2); // reports what the cycle at 0.1 s found
+    for (int32_t id = 100; id < 140; id++) { // beside the road, more than the inbox has slots
+        verge_vehicle_state_t stranger = state_at(0, 0.3, false);
+        stranger.vehicle_id = id;
+        stranger.y = 40.0;
+        assert_false(offer(self, &stranger, 0.3));
+    }
+    assert_int_equal(rx->rx_off_map, 40);
+    assert_int_equal(rx->rx_over_capacity, 0);
+    hear(self, 0, 0.4, true);
+    verge_vehicle_state_t leaving = state_at(2, 0.4, false);
+    leaving.y = -5.0;
+    assert_true(offer(self, &leaving, 0.4));
+    run_at(self, 0.5);
+    assert_int_equal(self->cycle.view.count, 2);
+    assert_int_equal(self->cycle.message_count, 1);
+    run_at(self, 0.6); // reports that the cycle at 0.5 s found vehicle 2 on no lane
+    leaving = state_at(2, 0.7, false);
+    leaving.y = -6.0;
+    assert_false(offer(self, &leaving, 0.7));
+    assert_int_equal(rx->rx_off_map, 41);
+    hear(self, 0, 2.5, true);
+    run_at(self, 2.5);
+    assert_int_equal(self->cycle.view.count, 1); // the state of vehicle 2 is older than drop_ms
+    unit_end(self);
+}
+
 // ---- over a bus, and from a recording -------------------------------------------------------
 
 static void test_states_go_in_and_plans_come_out_over_a_bus(void** state)
@@ -813,6 +849,7 @@ int main(void)
         cmocka_unit_test(test_stopping_cancels_every_plan_in_force_and_no_other),
         cmocka_unit_test(test_who_has_a_plan_keeps_it_when_too_many_ask),
         cmocka_unit_test(test_bad_messages_change_nothing_for_anyone),
+        cmocka_unit_test(test_a_vehicle_that_leaves_the_map_is_used_once_more_and_strangers_never),
         cmocka_unit_test(test_each_refusal_is_counted_by_its_name),
         cmocka_unit_test(test_states_go_in_and_plans_come_out_over_a_bus),
         cmocka_unit_test(test_an_overrun_sends_what_is_left_of_each_plan_point_for_point),

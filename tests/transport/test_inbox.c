@@ -446,6 +446,33 @@ static const verge_road* one_lane(void** memory)
     return verge_planner_road(planner);
 }
 
+static void test_only_vehicles_that_the_last_plan_found_on_a_lane_are_not_projected(void** state)
+{
+    (void)state;
+    void*                 memory;
+    const verge_road*     road = one_lane(&memory);
+    const int32_t         placed[] = { 1 };
+    verge_vehicle_state_t on_lane = car(1, start), off_lane = car(1, start + 100000);
+    off_lane.y = 5.0;
+    inbox_placed(&box, placed, 1); // no effect: the inbox does not have this vehicle
+    assert_int_equal(inbox_offer(&box, &off_lane, start + 100000, road), INBOX_OFF_MAP);
+    assert_int_equal(inbox_offer(&box, &on_lane, start, road), INBOX_ACCEPTED);
+    assert_int_equal(inbox_offer(&box, &off_lane, start + 100000, road), INBOX_OFF_MAP);
+    inbox_placed(&box, placed, 1);
+    assert_int_equal(inbox_offer(&box, &off_lane, start + 100000, road), INBOX_ACCEPTED);
+    inbox_placed(&box, placed, 0); // the plan that used this state found it off the map
+    off_lane.utime += 100000;
+    assert_int_equal(inbox_offer(&box, &off_lane, start + 200000, road), INBOX_OFF_MAP);
+    on_lane.utime = start + 300000;
+    assert_int_equal(inbox_offer(&box, &on_lane, start + 300000, road), INBOX_ACCEPTED);
+
+    inbox_placed(&box, placed, 1);
+    inbox_review(&box, road); // another road: a lane of the old one proves nothing
+    off_lane.utime = start + 400000;
+    assert_int_equal(inbox_offer(&box, &off_lane, start + 400000, road), INBOX_OFF_MAP);
+    free(memory);
+}
+
 static void test_states_off_the_map_are_told_from_impossible_wishes(void** state)
 {
     (void)state;
@@ -550,6 +577,7 @@ int main(void)
         TEST(test_no_projection_is_faster_than_a_car),
         TEST(test_refused_states_leave_no_trace_but_their_counter),
         TEST(test_views_are_ordered_by_id_whatever_the_order_of_arrival),
+        TEST(test_only_vehicles_that_the_last_plan_found_on_a_lane_are_not_projected),
         TEST(test_states_off_the_map_are_told_from_impossible_wishes),
         TEST(test_limits_are_refused_out_of_range_and_out_of_order),
         TEST(test_a_status_carries_all_counters_and_never_wraps),

@@ -9,8 +9,9 @@
 
 static inbox_slot*   slot_of(inbox* self, int32_t id);
 static inbox_slot*   slot_free(inbox* self, int64_t now_utime);
-static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state,
-                                 inbox_source source, int64_t now_utime, const verge_road* road);
+static inbox_verdict state_judge(inbox* self, const inbox_slot* slot,
+                                 const verge_vehicle_state_t* state, inbox_source source,
+                                 int64_t now_utime, const verge_road* road);
 static bool          id_taken(const inbox* self, const inbox_slot* slot, inbox_source source,
                               int64_t now_utime);
 static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
@@ -107,21 +108,18 @@ inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
                                inbox_source source, int64_t now_utime, const verge_road* road)
 {
     assert(source.bus < INBOX_BUSES_MAX);
-    inbox_verdict verdict = state_judge(self, state, source, now_utime, road);
     inbox_slot*   slot = slot_of(self, state->vehicle_id);
-    if (verdict == INBOX_ACCEPTED) {
-        if (slot == NULL) {
-            slot = slot_free(self, now_utime);
-        }
+    inbox_verdict verdict = state_judge(self, slot, state, source, now_utime, road);
+    if (verdict == INBOX_ACCEPTED && slot == NULL) {
+        slot = slot_free(self, now_utime);
         if (slot == NULL) {
             verdict = INBOX_OVER_CAPACITY;
         } else {
-            const bool same = slot->used && slot->state.vehicle_id == state->vehicle_id;
-            if (!same) {
-                *slot = (inbox_slot){ .used = true };
-            }
-            slot->state = *state;
+            *slot = (inbox_slot){ .used = true };
         }
+    }
+    if (verdict == INBOX_ACCEPTED) {
+        slot->state = *state;
     }
     if ((verdict == INBOX_ACCEPTED || verdict == INBOX_DUPLICATE) && source.sender != 0) {
         slot->heard[source.bus].sender = source.sender;
@@ -129,6 +127,17 @@ inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
     }
     verdict_count(&self->counters, verdict);
     return verdict;
+}
+
+void inbox_placed(inbox* self, const int32_t* ids, uint32_t count)
+{
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        inbox_slot* slot = &self->slots[i];
+        slot->placed = false;
+        for (uint32_t k = 0; k < count && !slot->placed; ++k) {
+            slot->placed = slot->used && slot->state.vehicle_id == ids[k];
+        }
+    }
 }
 
 void inbox_forget_senders(inbox* self)
@@ -142,6 +151,7 @@ void inbox_review(inbox* self, const verge_road* road)
 {
     for (uint32_t i = 0; i < self->vehicles_max; ++i) {
         inbox_slot* slot = &self->slots[i];
+        slot->placed = false;
         if (slot->used && (fault_of(&slot->state, road) != NULL || !on_map(road, &slot->state))) {
             slot->state.utime = 1; // forgotten by age: the next snapshot cancels and drops it
         }
@@ -299,8 +309,9 @@ static inbox_slot* slot_free(inbox* self, int64_t now_utime)
 }
 
 /// Everything but the question of room.
-static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state,
-                                 inbox_source source, int64_t now_utime, const verge_road* road)
+static inbox_verdict state_judge(inbox* self, const inbox_slot* slot,
+                                 const verge_vehicle_state_t* state, inbox_source source,
+                                 int64_t now_utime, const verge_road* road)
 {
     const char* fault = fault_of(state, road);
     if (fault != NULL) {
@@ -314,8 +325,8 @@ static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state
     if (age > self->limits.drop_ms) {
         return INBOX_STALE;
     }
-    const inbox_slot* slot = slot_of(self, state->vehicle_id);
-    if (slot != NULL && age_ms(&slot->state, now_utime) <= self->limits.drop_ms) {
+    const bool known = slot != NULL && age_ms(&slot->state, now_utime) <= self->limits.drop_ms;
+    if (known) {
         if (id_taken(self, slot, source, now_utime)) {
             return INBOX_ID_TAKEN;
         }
@@ -324,7 +335,7 @@ static inbox_verdict state_judge(inbox* self, const verge_vehicle_state_t* state
             return verdict;
         }
     }
-    return on_map(road, state) ? INBOX_ACCEPTED : INBOX_OFF_MAP;
+    return (known && slot->placed) || on_map(road, state) ? INBOX_ACCEPTED : INBOX_OFF_MAP;
 }
 
 /// Has another sender of this bus spoken for the vehicle lately?

@@ -59,6 +59,10 @@ verge_status verge_planner_step(verge_planner* planner, int64_t utime, const ver
 /// The road as built. Valid as long as the planner.
 const verge_road* verge_planner_road(const verge_planner* planner);
 
+/// The vehicles of the last successful step, ordered by id, each with its lane; empty before the
+/// first step and after a reset. Valid until the next step.
+const verge_scene* verge_planner_scene(const verge_planner* planner);
+
 /// Forgets the last plan: the next step starts as the first one did.
 void verge_planner_reset(verge_planner* planner);
 

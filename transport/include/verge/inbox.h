@@ -64,7 +64,7 @@ typedef enum inbox_verdict {
     INBOX_DUPLICATE,     ///< the utime and position of the state held
     INBOX_OUT_OF_ORDER,  ///< older than the state held
     INBOX_ID_CONFLICT,   ///< same id, but a body that cannot be the same one (jump_m)
-    INBOX_OFF_MAP,       ///< its centre lies on no lane
+    INBOX_OFF_MAP,       ///< its centre lies on no lane; not checked for vehicles of inbox_placed()
     INBOX_OVER_CAPACITY, ///< a new vehicle, and no slot is free or forgotten
 } inbox_verdict;
 
@@ -87,6 +87,7 @@ typedef struct inbox_slot {
     verge_vehicle_state_t state;
     bool used;
     bool planned; ///< asked for a plan in the last snapshot: owed a cancellation when that ends
+    bool placed;  ///< the last plan found it on a lane, see inbox_placed()
     struct {
         uint64_t sender; ///< 0: none known
         int64_t  utime;  ///< [us] of the last state it said
@@ -116,6 +117,14 @@ inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
 /// The same from nobody in particular.
 inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
                           const verge_road* road);
+
+/// Reports the vehicles that the last plan found on a lane; to be called before each snapshot, with
+/// count 0 where nothing was planned. A state of a reported vehicle is not projected on the road
+/// when it arrives: the plan that uses it does that, at its own instant. The states of all other
+/// vehicles are projected on arrival, so that vehicles off the map, of which a roadside unit may
+/// hear many, never take a slot. A vehicle that leaves the map is therefore used once more, as a
+/// vehicle off the road; its next states are refused.
+void inbox_placed(inbox* self, const int32_t* ids, uint32_t count);
 
 /// After a change of the buses: whoever speaks for a vehicle next may.
 void inbox_forget_senders(inbox* self);

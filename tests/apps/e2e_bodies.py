@@ -3,12 +3,14 @@
 beside others with its own axles, and nobody drives through a trailer.
 
 Each plan and run is judged with the body of the scenario's vehicle (judge.py): its rear axle, its
-steering, its acceleration. The trailer's way is integrated here from that of its tractor.
+steering, its acceleration. The trailer's way is integrated here from that of its tractor. What has
+no place for a trailer refuses one: the messages of a bus, a planner without room for one more body.
 Usage: e2e_bodies.py --bin DIR
 """
 import argparse
 import json
 import pathlib
+import subprocess
 import sys
 import tempfile
 
@@ -96,6 +98,20 @@ def trailer_faults(lines, document):
                 yield f"{other} is in the trailer of {one['id']} at tick {k}"
 
 
+def refusal_faults(binaries, path):
+    """Programs that must refuse an articulated truck, in one line that names the vehicle."""
+    document = scenario("refused", [corner(20)], [vehicle(1, 20, 0, 8, body="articulated")], 10)
+    small = {**document, "planner": {"vehicles_max": 1, "controlled_max": 1}}
+    for program, more, refused in (("verge-publish", ["--bus", "loop:1"], document),
+                                   ("verge-plan", [], small)):
+        path.write_text(json.dumps(refused))
+        done = subprocess.run([f"{binaries}/{program}", *more, path], capture_output=True, text=True,
+                              timeout=60, check=False)
+        if done.returncode != 2 or done.stdout or done.stderr.count("\n") != 1 \
+                or "vehicles[0]" not in done.stderr or "trailer" not in done.stderr:
+            yield f"{program}: exit {done.returncode}: {done.stdout}{done.stderr}"
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--bin", required=True)
@@ -117,6 +133,9 @@ def main():
                 print(f"{document['name']}: {fault}", file=sys.stderr)
             count += len(faults)
             runs += 1
+        for fault in refusal_faults(options.bin, path):
+            print(fault, file=sys.stderr)
+            count += 1
     print(f"{runs} runs, {count} faults")
     return 1 if count else 0
 

@@ -68,7 +68,7 @@ bool body_from_json(const json_at* vehicle, verge_vehicle* to)
 static bool keys_expect(const json_at* at, const verge_body_param* params, uint32_t count)
 {
     const char* keys[NUMBERS_MAX + 2] = { "kind" };
-    for (uint32_t i = 0; i < count && i < NUMBERS_MAX; i++) {
+    for (uint32_t i = 0; i < count && i < NUMBERS_MAX; ++i) {
         keys[i + 1] = params[i].name;
     }
     return json_expect_object(at, keys);
@@ -80,7 +80,7 @@ static const verge_body_param* param_of(const char* key)
     const verge_body_param* params = verge_body_params(&count);
     uint32_t                i = 0;
     while (i + 1 < count && strcmp(params[i].name, key) != 0) {
-        i++;
+        ++i;
     }
     return &params[i];
 }
@@ -111,7 +111,7 @@ static void numbers_from_json(const json_at* at, verge_body* body)
 {
     uint32_t                count = 0;
     const verge_body_param* params = verge_body_params(&count);
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         double* number = (double*)(void*)((char*)body + params[i].offset);
         *number = json_double_or(at, params[i].name, params[i].min, params[i].max, *number);
     }

@@ -65,7 +65,7 @@ void executor_destroy(executor* pool)
     pool->closing = true;
     pthread_cond_broadcast(&pool->work_ready);
     pthread_mutex_unlock(&pool->mutex);
-    for (uint32_t i = 0; i < pool->helper_count; i++) {
+    for (uint32_t i = 0; i < pool->helper_count; ++i) {
         pthread_join(pool->helpers[i], NULL);
     }
     pthread_cond_destroy(&pool->work_done);
@@ -100,7 +100,7 @@ static void take_tasks(executor* pool)
         pthread_mutex_unlock(&pool->mutex);
         pool->task(pool->arg, index);
         pthread_mutex_lock(&pool->mutex);
-        pool->finished++;
+        ++pool->finished;
         if (pool->finished == pool->count) {
             pthread_cond_signal(&pool->work_done);
         }

@@ -65,7 +65,7 @@ static void text_parse(json_file* file, const char* text, size_t size)
     json_syntax_fault fault;
     if (bad < size) {
         uint32_t line = 1;
-        for (size_t i = 0; i < bad; i++) {
+        for (size_t i = 0; i < bad; ++i) {
             line += text[i] == '\n';
         }
         snprintf(file->error, sizeof file->error, "%s:%u: not text, expected JSON in UTF-8\n",
@@ -128,7 +128,7 @@ bool json_fail(const json_at* at, const char* format, ...)
     va_start(arguments, format);
     vsnprintf(what, sizeof what, format, arguments);
     va_end(arguments);
-    for (char* c = what; *c != '\0'; c++) {
+    for (char* c = what; *c != '\0'; ++c) {
         if ((unsigned char)*c < ' ') {
             *c = '?'; // text of the file must not break the line
         }
@@ -145,12 +145,12 @@ bool json_expect_object(const json_at* at, const char* const* keys)
     for (const cJSON* child = at->node->child; child != NULL; child = child->next) {
         const char* const* key = keys;
         while (*key != NULL && strcmp(*key, child->string) != 0) {
-            key++;
+            ++key;
         }
         if (*key == NULL) {
             char   known[320] = "";
             size_t used = 0;
-            for (key = keys; *key != NULL && used < sizeof known; key++) {
+            for (key = keys; *key != NULL && used < sizeof known; ++key) {
                 used += (size_t)snprintf(known + used, sizeof known - used, "%s%s",
                                          key == keys ? "" : ", ", *key);
             }
@@ -170,7 +170,7 @@ uint32_t json_expect_array(const json_at* at, uint32_t min, uint32_t max)
     }
     uint32_t count = 0;
     for (const cJSON* child = at->node->child; child != NULL; child = child->next) {
-        count++;
+        ++count;
     }
     if (count < min || count > max) {
         const char* plural = count == 1 ? "" : "s";
@@ -270,7 +270,7 @@ uint32_t json_choice(const json_at* of, const char* key, const char* const* name
     const bool    is_text = cJSON_IsString(at.node);
     char   expected[192] = "";
     size_t used = 0;
-    for (uint32_t i = 0; names[i] != NULL; i++) {
+    for (uint32_t i = 0; names[i] != NULL; ++i) {
         if (is_text && strcmp(names[i], at.node->valuestring) == 0) {
             return i;
         }
@@ -385,7 +385,7 @@ static size_t text_end(const char* text, size_t size)
         if (length == 0 || head == 0 || i + length > size) {
             return i;
         }
-        for (size_t k = 1; k < length; k++) {
+        for (size_t k = 1; k < length; ++k) {
             if (((unsigned char)text[i + k] & 0xc0) != 0x80) {
                 return i;
             }
@@ -407,7 +407,7 @@ static void check_values(const json_at* at)
         json_fail(at, "is too large, expected a finite number");
     }
     uint32_t index = 0;
-    for (const cJSON* child = at->node->child; child != NULL; child = child->next, index++) {
+    for (const cJSON* child = at->node->child; child != NULL; child = child->next, ++index) {
         if (child->string == NULL) {
             const json_at element = json_element(at, child, index);
             check_values(&element);
@@ -438,7 +438,7 @@ static void path_write(const json_at* at, char* text, size_t size)
     } else {
         snprintf(text + used, size - used, "[%u]", at->index);
     }
-    for (char* c = text + used; *c != '\0'; c++) {
+    for (char* c = text + used; *c != '\0'; ++c) {
         if ((unsigned char)*c < ' ') {
             *c = '?';
         }

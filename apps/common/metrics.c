@@ -43,7 +43,7 @@ bool metrics_init(metrics* self, const world* world)
         metrics_free(self);
         return false;
     }
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const world_vehicle* there = &world->vehicles[i];
         const int32_t        target = there->state.target_lane;
         self->vehicles[i] = (metrics_vehicle){
@@ -69,10 +69,10 @@ void metrics_free(metrics* self)
 
 void metrics_tick(metrics* self, const world* world)
 {
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         self->road_ways[i] = way_of_road(world, &world->vehicles[i]);
     }
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         const world_vehicle* vehicle = &world->vehicles[i];
         end_check(&self->vehicles[i], world, vehicle);
         if (!vehicle->present) {
@@ -85,7 +85,7 @@ void metrics_tick(metrics* self, const world* world)
             self->max_abs_jerk = fmax(self->max_abs_jerk, fabs(vehicle->jerk));
             self->max_abs_curvature = fmax(self->max_abs_curvature, fabs(vehicle->curvature));
         }
-        for (uint32_t k = i + 1; k < self->vehicle_count; k++) {
+        for (uint32_t k = i + 1; k < self->vehicle_count; ++k) {
             if (world->vehicles[k].present) {
                 pair_check(self, world, i, k);
             }
@@ -95,7 +95,7 @@ void metrics_tick(metrics* self, const world* world)
 
 void metrics_cycle(metrics* self, const verge_plan* plan, double ms)
 {
-    self->cycles++;
+    ++self->cycles;
     self->fallbacks += plan->fallback_count;
     self->nodes += plan->search.nodes;
     if (!(ms >= 0.0)) {
@@ -115,7 +115,7 @@ void metrics_cycle(metrics* self, const verge_plan* plan, double ms)
 
 bool metrics_success(const metrics* self)
 {
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         if (self->vehicles[i].off_road || self->vehicles[i].standing) {
             return false;
         }
@@ -125,7 +125,7 @@ bool metrics_success(const metrics* self)
 
 bool metrics_reached(const metrics* self)
 {
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         if (self->vehicles[i].intends && isnan(self->vehicles[i].reached_time)) {
             return false;
         }
@@ -136,7 +136,7 @@ bool metrics_reached(const metrics* self)
 static void counts_write(FILE* out, const metrics* self, const char* line)
 {
     uint32_t off_road = 0, standing = 0;
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         off_road += self->vehicles[i].off_road ? 1 : 0;
         standing += self->vehicles[i].standing ? 1 : 0;
     }
@@ -144,7 +144,7 @@ static void counts_write(FILE* out, const metrics* self, const char* line)
         { "collisions", self->collisions }, { "collisions_human", self->collisions_human },
         { "off_road", off_road }, { "standing", standing },
     };
-    for (uint32_t i = 0; i < sizeof counts / sizeof counts[0]; i++) {
+    for (uint32_t i = 0; i < sizeof counts / sizeof counts[0]; ++i) {
         fprintf(out, "\"%s\":%u,%s", counts[i].name, counts[i].value, line);
     }
 }
@@ -177,7 +177,7 @@ void metrics_write(FILE* out, const metrics* self, bool timing, const char* line
     times_write(out, self, "finish_time", offsetof(metrics_vehicle, finish_time));
     fprintf(out, ",%s", line);
     times_write(out, self, "reached_time", offsetof(metrics_vehicle, reached_time));
-    for (uint32_t i = 0; i < sizeof fields / sizeof fields[0]; i++) {
+    for (uint32_t i = 0; i < sizeof fields / sizeof fields[0]; ++i) {
         fprintf(out, ",%s\"%s\":", line, fields[i].name);
         number_write(out, fields[i].value);
     }
@@ -215,7 +215,7 @@ static void intention_check(metrics_vehicle* vehicle, const world* world,
     if (!vehicle->intends || !isnan(vehicle->reached_time)) {
         return;
     }
-    for (uint32_t i = 0; i < road->lane_count; i++) {
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
         const int32_t lane = road->lanes[i].id;
         if (!verge_road_continues(world->road, state->target_lane, lane)) {
             continue;
@@ -265,9 +265,9 @@ static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b
     if (!*touched && verge_vehicles_overlap(one, other)) {
         *touched = true;
         if (one->controlled || other->controlled) {
-            self->collisions++;
+            ++self->collisions;
         } else {
-            self->collisions_human++;
+            ++self->collisions_human;
         }
     }
     ahead_check(self, one, other);
@@ -301,7 +301,7 @@ static metrics_direction direction_of(double heading)
     const double half = 0.5 * fmin(fmax(heading, -PI), PI); // the series is short up to pi / 2
     const double square = half * half;
     double cosine = 1.0, sine = half, term_cosine = 1.0, term_sine = half;
-    for (int n = 1; n <= 12; n++) {
+    for (int n = 1; n <= 12; ++n) {
         term_cosine *= -square / ((2 * n - 1) * (2 * n));
         term_sine *= -square / ((2 * n) * (2 * n + 1));
         cosine += term_cosine;
@@ -315,12 +315,12 @@ static double mean_of(const metrics* self, size_t offset)
 {
     double   sum = 0.0;
     uint32_t count = 0;
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         double time;
         memcpy(&time, (const char*)&self->vehicles[i] + offset, sizeof time);
         if (self->vehicles[i].intends && !self->vehicles[i].keeps && !isnan(time)) {
             sum += time;
-            count++;
+            ++count;
         }
     }
     return count > 0 ? sum / count : (double)NAN;
@@ -330,7 +330,7 @@ static void times_write(FILE* out, const metrics* self, const char* name, size_t
 {
     fprintf(out, "\"%s\":{\"mean\":", name);
     number_write(out, mean_of(self, offset));
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         if (self->vehicles[i].intends && !self->vehicles[i].keeps) {
             double time;
             memcpy(&time, (const char*)&self->vehicles[i] + offset, sizeof time);

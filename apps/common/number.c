@@ -34,7 +34,7 @@ void digest_write(FILE* out, uint64_t digest)
 void string_write(FILE* out, const char* text)
 {
     fputc('"', out);
-    for (const unsigned char* c = (const unsigned char*)text; *c != '\0'; c++) {
+    for (const unsigned char* c = (const unsigned char*)text; *c != '\0'; ++c) {
         if (*c == '"' || *c == '\\') {
             fprintf(out, "\\%c", *c);
         } else if (*c < ' ' || *c == 0x7f) {

@@ -18,7 +18,7 @@ bool options_parse(const program* self, int argc, char** argv, const char** argu
 {
     const char* positional = NULL;
     bool        ended = false;
-    for (int i = 1; i < argc; i++) {
+    for (int i = 1; i < argc; ++i) {
         const char* text = argv[i];
         if (ended || text[0] != '-' || text[1] == '\0') {
             if (positional != NULL || self->argument == NULL) {
@@ -103,7 +103,7 @@ static bool wrong(const program* self, int* status, const char* what, const char
 static const option_entry* find(const program* self, const char* text)
 {
     const size_t length = strcspn(text, "=");
-    for (uint32_t i = 0; i < self->option_count; i++) {
+    for (uint32_t i = 0; i < self->option_count; ++i) {
         const char* name = self->options[i].name;
         if (strlen(name) == length && strncmp(name, text, length) == 0) {
             return &self->options[i];
@@ -117,7 +117,7 @@ static void help(const program* self)
     printf("usage: %s [options]%s%s\n\n%s\n\noptions:\n", self->name,
            self->argument != NULL ? " " : "", self->argument != NULL ? self->argument : "",
            self->text);
-    for (uint32_t i = 0; i < self->option_count; i++) {
+    for (uint32_t i = 0; i < self->option_count; ++i) {
         const option_entry* option = &self->options[i];
         char head[40];
         snprintf(head, sizeof head, "%s%s%s", option->name, option->value_name != NULL ? " " : "",

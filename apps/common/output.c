@@ -89,7 +89,7 @@ void output_guard_signals(void)
     const int signals[] = { SIGINT, SIGTERM, SIGHUP };
     struct sigaction action = { .sa_handler = remove_partial, .sa_flags = (int)SA_RESETHAND };
     sigemptyset(&action.sa_mask);
-    for (size_t i = 0; i < sizeof signals / sizeof signals[0]; i++) {
+    for (size_t i = 0; i < sizeof signals / sizeof signals[0]; ++i) {
         sigaction(signals[i], &action, NULL);
     }
 }

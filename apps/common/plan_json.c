@@ -24,16 +24,16 @@ void plan_write(FILE* out, const verge_plan* plan, const char* scenario, double 
     fprintf(out, ",%s\"search\":", line);
     search_write(out, &plan->search);
     fprintf(out, ",%s\"vehicles\":[", line);
-    for (uint32_t i = 0; i < plan->vehicle_count; i++) {
+    for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
         fprintf(out, "%s%s", i == 0 ? "" : ",", line);
         vehicle_write(out, &plan->vehicles[i], dt, line);
     }
     fprintf(out, "],%s\"predictions\":[", line);
-    for (uint32_t i = 0; i < plan->prediction_count; i++) {
+    for (uint32_t i = 0; i < plan->prediction_count; ++i) {
         const verge_prediction* prediction = &plan->predictions[i];
         fprintf(out, "%s%s{\"id\":%d,\"points\":[", i == 0 ? "" : ",", line,
                 prediction->vehicle_id);
-        for (uint32_t k = 0; k < prediction->point_count; k++) {
+        for (uint32_t k = 0; k < prediction->point_count; ++k) {
             const verge_pose* pose = &prediction->points[k];
             const double      row[] = { pose->t, pose->x, pose->y, pose->heading };
             fprintf(out, "%s%s", k == 0 ? "" : ",", line);
@@ -68,7 +68,7 @@ static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double d
     fprintf(out, "{\"id\":%d,", vehicle->vehicle_id);
     status_write(out, vehicle);
     fprintf(out, ",%s\"actions\":[", line);
-    for (uint32_t i = 0; i < vehicle->action_count; i++) {
+    for (uint32_t i = 0; i < vehicle->action_count; ++i) {
         fprintf(out, "%s%s", i == 0 ? "" : ",", line);
         action_write(out, &vehicle->actions[i]);
     }
@@ -76,7 +76,7 @@ static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double d
     number_write(out, dt);
     fputs(",\"columns\":[\"t\",\"x\",\"y\",\"heading\",\"speed\",\"acceleration\",\"curvature\","
           "\"jerk\"],\"points\":[", out);
-    for (uint32_t i = 0; i < vehicle->point_count; i++) {
+    for (uint32_t i = 0; i < vehicle->point_count; ++i) {
         const verge_point* p = &vehicle->points[i];
         const double row[] = { p->t, p->x, p->y, p->heading, p->speed, p->acceleration,
                                p->curvature, p->jerk };
@@ -109,7 +109,7 @@ static void action_write(FILE* out, const verge_action_step* step)
     fputs(",\"t1\":", out);
     number_write(out, step->t1);
     fprintf(out, ",\"action\":\"%s\",\"lane\":%d", verge_action_name(step->action), step->lane_id);
-    for (uint32_t i = 0; i < 3; i++) {
+    for (uint32_t i = 0; i < 3; ++i) {
         fprintf(out, ",\"%s\":", fields[i].name);
         number_write(out, fields[i].value);
     }
@@ -129,7 +129,7 @@ static void cost_write(FILE* out, const verge_cost* cost)
         { "acceleration", cost->acceleration }, { "jerk", cost->jerk },
         { "obstacle", cost->obstacle },
     };
-    for (uint32_t i = 0; i < sizeof terms / sizeof terms[0]; i++) {
+    for (uint32_t i = 0; i < sizeof terms / sizeof terms[0]; ++i) {
         fprintf(out, "%s\"%s\":", i == 0 ? "{" : ",", terms[i].name);
         number_write(out, terms[i].value);
     }
@@ -138,7 +138,7 @@ static void cost_write(FILE* out, const verge_cost* cost)
 
 static void row_write(FILE* out, const double* values, uint32_t count)
 {
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         fputc(i == 0 ? '[' : ',', out);
         number_write(out, values[i]);
     }

@@ -29,7 +29,7 @@ bool planner_def_from_json(const json_at* at, verge_planner_def* def)
         const json_at member = json_member(at, node->string);
         uint32_t      i = 0;
         while (i < param_count && strcmp(params[i].name, node->string) != 0) {
-            i++;
+            ++i;
         }
         if (i == param_count) {
             return json_fail(&member, "unknown key \"%.40s\", expected a planner parameter",
@@ -50,7 +50,7 @@ void planner_def_write(FILE* out, const verge_planner_def* def)
 {
     uint32_t           count = 0;
     const verge_param* params = verge_planner_params(&count);
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const void* field = (const char*)def + params[i].offset;
         uint32_t    small = 0;
         fprintf(out, "%s\"%s\":", i == 0 ? "{" : ",", params[i].name);

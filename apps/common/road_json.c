@@ -30,7 +30,7 @@ bool road_from_json(const json_at* at, verge_road_def* def)
     }
     *def = (verge_road_def){ .lanes = all, .lane_count = count };
     uint32_t index = 0;
-    for (const cJSON* node = lanes.node->child; node != NULL; node = node->next, index++) {
+    for (const cJSON* node = lanes.node->child; node != NULL; node = node->next, ++index) {
         const json_at lane = json_element(&lanes, node, index);
         if (!lane_from_json(&lane, &all[index])) {
             return false;
@@ -46,7 +46,7 @@ bool road_from_json(const json_at* at, verge_road_def* def)
 
 void road_json_free(verge_road_def* def)
 {
-    for (uint32_t i = 0; i < def->lane_count; i++) {
+    for (uint32_t i = 0; i < def->lane_count; ++i) {
         free((void*)(uintptr_t)def->lanes[i].points);
     }
     free((void*)(uintptr_t)def->lanes);
@@ -144,7 +144,7 @@ static void report_fault(const json_at* lanes, const verge_road_fault* fault)
 {
     const char*  text = fault->text != NULL ? fault->text : "cannot be built";
     const cJSON* node = lanes->node->child;
-    for (uint32_t i = 0; i < fault->lane_index && node != NULL; i++) {
+    for (uint32_t i = 0; i < fault->lane_index && node != NULL; ++i) {
         node = node->next;
     }
     const json_at lane = json_element(lanes, node, fault->lane_index);

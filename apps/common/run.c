@@ -34,7 +34,7 @@ void run_write_bus_tick(FILE* out, const world* world)
     const char* separator = "";
     tick_write(out, world);
     fputs(",\"yaw_rates\":[", out);
-    for (uint32_t i = 0; i < world->vehicle_count; i++) {
+    for (uint32_t i = 0; i < world->vehicle_count; ++i) {
         if (world->vehicles[i].present) {
             fputs(separator, out);
             number_write(out, world->vehicles[i].state.yaw_rate);
@@ -57,7 +57,7 @@ void run_write_bus_plan(FILE* out, const world* world, const verge_plan* plan,
     if (origin->cycle >= 0) {
         fprintf(out, ",\"cycle\":%d,\"valid_until_utime\":%" PRId64 ",\"state_utimes\":[",
                 origin->cycle, origin->valid_until_utime);
-        for (uint32_t i = 0; i < plan->vehicle_count; i++) {
+        for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
             fprintf(out, "%s%" PRId64, i == 0 ? "" : ",", origin->state_utime[i]);
         }
         fputc(']', out);
@@ -86,7 +86,7 @@ static void tick_write(FILE* out, const world* world)
     fputs("{\"t\":", out);
     number_write(out, world_time(world));
     fputs(",\"vehicles\":[", out);
-    for (uint32_t i = 0; i < world->vehicle_count; i++) {
+    for (uint32_t i = 0; i < world->vehicle_count; ++i) {
         if (world->vehicles[i].present) {
             fputs(separator, out);
             vehicle_write(out, world, &world->vehicles[i]);
@@ -111,7 +111,7 @@ static void vehicle_write(FILE* out, const world* world, const world_vehicle* ve
     const double values[] = { state->x, state->y, state->heading, state->speed,
                               state->acceleration };
     fprintf(out, "[%d", state->id);
-    for (uint32_t i = 0; i < sizeof values / sizeof values[0]; i++) {
+    for (uint32_t i = 0; i < sizeof values / sizeof values[0]; ++i) {
         fputc(',', out);
         number_write(out, values[i]);
     }

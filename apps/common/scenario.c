@@ -45,7 +45,7 @@ bool scenario_parse(scenario* scene, const char* name, const char* text, size_t 
 
 void scenario_free(scenario* scene)
 {
-    for (uint32_t i = 0; i < scene->vehicle_count; i++) {
+    for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
         free(scene->vehicles[i].track);
     }
     free(scene->vehicles);
@@ -64,7 +64,7 @@ bool scenario_track_at(const scenario_vehicle* vehicle, double t, verge_vehicle*
     }
     uint32_t after = count > 1 ? 1 : 0;
     while (after + 1 < count && vehicle->track[after].t <= t) {
-        after++;
+        ++after;
     }
     const scenario_row* to = &vehicle->track[after];
     const scenario_row* from = &vehicle->track[after > 0 ? after - 1 : 0];
@@ -174,7 +174,7 @@ static bool vehicles_from_json(const json_at* at, scenario* scene)
     }
     scene->vehicle_count = count;
     uint32_t index = 0, controlled = 0, trailers = 0;
-    for (const cJSON* node = at->node->child; node != NULL; node = node->next, index++) {
+    for (const cJSON* node = at->node->child; node != NULL; node = node->next, ++index) {
         const json_at vehicle = json_element(at, node, index);
         vehicle_from_json(&vehicle, scene, &scene->vehicles[index]);
         controlled += scene->vehicles[index].start.controlled;
@@ -337,7 +337,7 @@ static bool vehicle_check(const json_at* at, const scenario* scene, uint32_t ind
     if (status != VERGE_OK) {
         return json_fail(at, "vehicle %d is refused: %s", start->id, verge_status_text(status));
     }
-    for (uint32_t i = 0; i < index; i++) {
+    for (uint32_t i = 0; i < index; ++i) {
         const scenario_vehicle* other = &scene->vehicles[i];
         if (other->start.id == start->id) {
             return json_fail(at, "has the id %d of another vehicle, expected its own", start->id);
@@ -355,7 +355,7 @@ static bool vehicle_check(const json_at* at, const scenario* scene, uint32_t ind
 
 static bool has_lane(const verge_road_def* road, int32_t lane_id)
 {
-    for (uint32_t i = 0; i < road->lane_count; i++) {
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
         if (road->lanes[i].id == lane_id) {
             return true;
         }

@@ -52,7 +52,7 @@ void text_add_float(text* self, float value)
 void text_add_string(text* self, const char* words)
 {
     text_add(self, "\"");
-    for (const unsigned char* c = (const unsigned char*)words; *c != '\0'; c++) {
+    for (const unsigned char* c = (const unsigned char*)words; *c != '\0'; ++c) {
         if (*c == '"' || *c == '\\') {
             text_add(self, "\\%c", *c);
         } else if (*c < ' ' || *c == 0x7f) {

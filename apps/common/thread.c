@@ -39,7 +39,7 @@ static int attributes_set(pthread_attr_t* attributes, const thread_options* opti
     if (refused == 0 && options != NULL && options->cpu_count > 0) {
         cpu_set_t set;
         CPU_ZERO(&set);
-        for (uint32_t i = 0; i < options->cpu_count; i++) {
+        for (uint32_t i = 0; i < options->cpu_count; ++i) {
             CPU_SET(options->cpus[i], &set);
         }
         refused = pthread_attr_setaffinity_np(attributes, sizeof set, &set);

@@ -25,7 +25,7 @@ bool world_init(world* self, const scenario* scene)
     if (self->vehicles == NULL) {
         return false;
     }
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         world_vehicle* vehicle = &self->vehicles[i];
         vehicle->origin = &scene->vehicles[i];
         vehicle->state = vehicle->origin->start;
@@ -56,7 +56,7 @@ int64_t world_utime(const world* self)
 uint32_t world_states(const world* self, verge_vehicle states[VERGE_VEHICLES_MAX])
 {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < self->vehicle_count && count < VERGE_VEHICLES_MAX; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count && count < VERGE_VEHICLES_MAX; ++i) {
         if (self->vehicles[i].present) {
             states[count++] = self->vehicles[i].state;
         }
@@ -66,7 +66,7 @@ uint32_t world_states(const world* self, verge_vehicle states[VERGE_VEHICLES_MAX
 
 void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
 {
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         world_vehicle* vehicle = &self->vehicles[i];
         if (vehicle->state.id == plan->vehicle_id && vehicle->state.controlled &&
             vehicle->present) {
@@ -82,10 +82,10 @@ void world_advance(world* self)
     verge_vehicle  states[VERGE_VEHICLES_MAX];
     const uint32_t count = world_states(self, states);
     (void)verge_humans_advance(self->scene->humans, self->road, states, count, WORLD_DT);
-    self->tick++;
+    ++self->tick;
 
     uint32_t next = 0;
-    for (uint32_t i = 0; i < self->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         world_vehicle* vehicle = &self->vehicles[i];
         if (vehicle->present) {
             const verge_vehicle before = vehicle->state;
@@ -106,7 +106,7 @@ const verge_action_step* world_action(const world* self, const world_vehicle* ve
     if (!vehicle->planned || vehicle->plan.status == VERGE_CANCELLED) {
         return NULL;
     }
-    for (uint32_t i = 0; i < vehicle->plan.action_count; i++) {
+    for (uint32_t i = 0; i < vehicle->plan.action_count; ++i) {
         if (t < vehicle->plan.actions[i].t1 - INSTANT) {
             return &vehicle->plan.actions[i];
         }
@@ -141,7 +141,7 @@ static bool plan_drive(world_vehicle* vehicle, double time)
     }
     uint32_t index = 0;
     while (index + 1 < plan->point_count && plan->points[index + 1].t <= t + INSTANT) {
-        index++;
+        ++index;
     }
     const verge_point* at = &plan->points[index];
     if (t - at->t <= INSTANT || index + 1 == plan->point_count) {

@@ -167,7 +167,7 @@ static bool listen_to(echo* self)
             return true;
         }
         const uint32_t count = transport_drain(self->bus, self->batch, BATCH);
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < count; ++i) {
             print_message(self, &self->batch[i]);
             if (limit > 0 && heard(self) >= limit) {
                 return fflush(stdout) == 0;
@@ -193,19 +193,19 @@ static void print_message(echo* self, const transport_message* message)
     }
     switch (message->kind) {
     case TRANSPORT_STATE:
-        self->states++;
+        ++self->states;
         if (!json) {
             print_state(&message->as.state);
         }
         break;
     case TRANSPORT_PLAN:
-        self->plans++;
+        ++self->plans;
         if (!json) {
             print_plan(&message->as.plan);
         }
         break;
     case TRANSPORT_STATUS:
-        self->statuses++;
+        ++self->statuses;
         if (!json) {
             print_status(&message->as.status);
         }
@@ -243,7 +243,7 @@ static void print_plan(const verge_vehicle_plan_t* plan)
            message_plan_status(plan->status), plan->cycle, plan->plans_in_cycle,
            plan->point_count);
     if (wire_plan_check(plan) == NULL) {
-        for (int32_t i = 0; i < plan->action_count; i++) {
+        for (int32_t i = 0; i < plan->action_count; ++i) {
             const verge_plan_action_t* action = &plan->actions[i];
             printf("%s %s to %.1f s", i == 0 ? " " : ",",
                    verge_action_name((verge_action)action->action), action->t1_ms * 1e-3);

@@ -62,7 +62,7 @@ bool beyond(lab* self, table* rows)
     trial*   tasks = must_calloc(count, sizeof *tasks);
     outcome* results = must_calloc(count, sizeof *results);
     bool     good = true;
-    for (uint32_t k = 0; good && k < sizeof all_scenes / sizeof all_scenes[0]; k++) {
+    for (uint32_t k = 0; good && k < sizeof all_scenes / sizeof all_scenes[0]; ++k) {
         good = fill(self, &all_scenes[k], tasks) && lab_run(self, tasks, results, count);
         if (good) {
             rows_of(rows, &all_scenes[k], results, self->repeats);
@@ -77,9 +77,9 @@ bool beyond(lab* self, table* rows)
 
 static bool fill(lab* self, const scenes* kind, trial* tasks)
 {
-    for (uint32_t i = 0; i < self->repeats; i++) {
+    for (uint32_t i = 0; i < self->repeats; ++i) {
         const uint64_t seed = self->seed + i;
-        for (uint32_t c = 0; c < contender_count; c++) {
+        for (uint32_t c = 0; c < contender_count; ++c) {
             lab_document* document = document_of(self, kind, seed);
             if (document == NULL) {
                 return false;
@@ -133,7 +133,7 @@ static lab_document* freeway_document(const lab* self, uint32_t controlled)
         return NULL;
     }
     cJSON* vehicles = cJSON_GetObjectItemCaseSensitive(document, "vehicles");
-    for (uint32_t k = 0; k < controlled - 4; k++) {
+    for (uint32_t k = 0; k < controlled - 4; ++k) {
         const double* from = added[k];
         cJSON*        vehicle = lab_vehicle(document, (int32_t)from[0]);
         if (vehicle == NULL) {
@@ -161,7 +161,7 @@ static lab_document* freeway_document(const lab* self, uint32_t controlled)
 
 static void rows_of(table* rows, const scenes* kind, const outcome* results, uint32_t repeats)
 {
-    for (uint32_t c = 0; c < contender_count; c++) {
+    for (uint32_t c = 0; c < contender_count; ++c) {
         const summary sums = summary_of(&results[c * repeats], repeats);
         table_row(rows);
         table_text(rows, "scenes", kind->name);

@@ -34,7 +34,7 @@ double bound_of(const world* world)
     vg_pairs* pairs = pairs_make();
     vg_model_from(&all->scene, &all->flows[0], def, pairs, &scene, vg_scene_controlled(&scene));
     double sum = 0.0;
-    for (uint32_t slot = 0; slot < all->scene.controlled_count; slot++) {
+    for (uint32_t slot = 0; slot < all->scene.controlled_count; ++slot) {
         const uint32_t i = all->scene.input_index[slot];
         const verge_scene one = { .road = world->road, .vehicle_count = 1, .vehicles_max = 1,
                                   .vehicles = &vehicles[i], .positions = &positions[i] };
@@ -62,7 +62,7 @@ static double best_alone(alone* self, uint32_t step)
     }
     vg_moves moves;
     vg_flow_moves(&self->scene, flow, &moves);
-    for (uint8_t action = 0; action < VERGE_ACTION_COUNT; action++) {
+    for (uint8_t action = 0; action < VERGE_ACTION_COUNT; ++action) {
         if (((moves.legal[0] >> action) & 1u) != 0) {
             vg_flow_advance(&self->scene, flow, &moves, &action, &self->flows[step + 1]);
             best = fmax(best, best_alone(self, step + 1));
@@ -74,7 +74,7 @@ static double best_alone(alone* self, uint32_t step)
 static void place_all(const world* world, verge_scene* scene)
 {
     scene->vehicle_count = world_states(world, scene->vehicles);
-    for (uint32_t i = 0; i < scene->vehicle_count; i++) {
+    for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
         const verge_vehicle* at = &scene->vehicles[i];
         scene->positions[i] =
             verge_road_project(world->road, at->x, at->y, at->heading, VERGE_NO_LANE);

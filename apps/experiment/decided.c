@@ -29,13 +29,13 @@ void decided_from_plan(decided* self, const world* start, const verge_plan* plan
 {
     *self = (decided){ .step_s = start->scene->def.step_s, .vehicle_count = plan->vehicle_count,
                        .nodes = plan->search.nodes, .nodes_first = plan->search.nodes_first };
-    for (uint32_t i = 0; i < plan->vehicle_count; i++) {
+    for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
         const verge_vehicle_plan* from = &plan->vehicles[i];
         decided_vehicle*          to = &self->vehicles[i];
         to->id = from->vehicle_id;
         to->step_count = from->action_count;
         decided_start(start, to->id, &to->states[0]);
-        for (uint32_t k = 0; k < from->action_count; k++) {
+        for (uint32_t k = 0; k < from->action_count; ++k) {
             const verge_action_step* step = &from->actions[k];
             to->steps[k] = *step;
             to->states[k + 1] = (decided_state){ step->lane_id, step->s, step->d, step->v };
@@ -57,7 +57,7 @@ bool decided_from_sequential(decided* self, const world* start, uint64_t seed)
     predict_humans(ahead, def->step_s * def->steps);
     const uint32_t count = order_of(start, ahead->axis, order);
     bool           good = true;
-    for (uint32_t i = 0; good && i < count; i++) {
+    for (uint32_t i = 0; good && i < count; ++i) {
         sequential_problem problem;
         sequential_plan    plan;
         problem_fill(ahead, order[i], &problem);
@@ -97,7 +97,7 @@ void decided_trajectory(const decided* self, const verge_road* road, const decid
     plan->actions[0].t0 = 0.0;
     plan->actions[0].t1 = dt;
     plan->point_count = (uint32_t)lround(dt * WORLD_TICKS_PER_SECOND) + 1;
-    for (uint32_t k = 0; k < plan->point_count; k++) {
+    for (uint32_t k = 0; k < plan->point_count; ++k) {
         const double t = (double)k / WORLD_TICKS_PER_SECOND;
         verge_point* point = &plan->points[k];
         const double along = fmax(from->v + 2.0 * b * t + 3.0 * c * t * t, 0.0);
@@ -111,7 +111,7 @@ void decided_trajectory(const decided* self, const verge_road* road, const decid
 
 static void decided_start(const world* start, int32_t id, decided_state* state)
 {
-    for (uint32_t i = 0; i < start->vehicle_count; i++) {
+    for (uint32_t i = 0; i < start->vehicle_count; ++i) {
         const verge_vehicle* vehicle = &start->vehicles[i].state;
         if (vehicle->id == id) {
             const verge_lane_position at = verge_road_project(
@@ -129,9 +129,9 @@ static void predict_humans(scene_ahead* self, double horizon)
     const uint32_t ticks = (uint32_t)lround(horizon * WORLD_TICKS_PER_SECOND);
     const uint32_t every = (uint32_t)lround(SEQUENTIAL_SAMPLE_S * WORLD_TICKS_PER_SECOND);
     const verge_road* road = self->start->road;
-    for (uint32_t tick = 0; tick <= ticks; tick++) {
+    for (uint32_t tick = 0; tick <= ticks; ++tick) {
         uint32_t obstacle = 0;
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < count; ++i) {
             if (tick % every == 0 && !states[i].controlled) {
                 const verge_lane_position at =
                     verge_road_project_on(road, self->axis, states[i].x, states[i].y);
@@ -144,7 +144,7 @@ static void predict_humans(scene_ahead* self, double horizon)
             }
         }
         (void)verge_humans_advance(self->start->scene->humans, road, states, count, WORLD_DT);
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < count; ++i) {
             if (states[i].controlled) {
                 const verge_lane_position at = verge_road_project(
                     road, states[i].x, states[i].y, states[i].heading, VERGE_NO_LANE);
@@ -175,7 +175,7 @@ static void problem_fill(const scene_ahead* self, const verge_vehicle* vehicle,
         .obstacles = self->obstacles, .obstacle_count = self->count,
     };
     problem->cruise = def->cruise_share * problem->speed_limit;
-    for (uint32_t i = 0; i < def->road.lane_count; i++) { // beside the vehicle, as lanes run there
+    for (uint32_t i = 0; i < def->road.lane_count; ++i) { // beside the vehicle, as lanes run there
         const int32_t lane = def->road.lanes[i].id;
         const double  centre = at.d - verge_road_project_on(road, lane, vehicle->x, vehicle->y).d;
         problem->y_min = fmin(problem->y_min, centre);
@@ -194,7 +194,7 @@ static void obstacle_add(scene_ahead* self, const sequential_problem* problem,
     const uint32_t samples = (uint32_t)lround(problem->step_s / SEQUENTIAL_SAMPLE_S);
     to->half_length = problem->half_length;
     to->half_width = problem->half_width;
-    for (uint32_t k = 0; k <= problem->steps * samples; k++) {
+    for (uint32_t k = 0; k <= problem->steps * samples; ++k) {
         const uint32_t step = k / samples < problem->steps ? k / samples : problem->steps - 1;
         const double   t = SEQUENTIAL_SAMPLE_S * (double)(k - step * samples);
         const sequential_state at =
@@ -209,11 +209,11 @@ static void sequential_note(decided_vehicle* to, const scene_ahead* ahead, int32
 {
     to->id = id;
     to->step_count = problem->steps;
-    for (uint32_t k = 0; k <= problem->steps; k++) {
+    for (uint32_t k = 0; k <= problem->steps; ++k) {
         const sequential_state* at = &plan->states[k];
         to->states[k] = (decided_state){ ahead->axis, at->s, at->y, at->v };
     }
-    for (uint32_t k = 0; k < problem->steps; k++) {
+    for (uint32_t k = 0; k < problem->steps; ++k) {
         const double a = sequential_acceleration(plan->actions[k]);
         const double lateral = sequential_lateral(plan->actions[k]);
         to->steps[k] = (verge_action_step){
@@ -232,7 +232,7 @@ static uint32_t order_of(const world* start, int32_t axis, const verge_vehicle**
 {
     double   ways[VERGE_VEHICLES_MAX];
     uint32_t count = 0;
-    for (uint32_t i = 0; i < start->vehicle_count; i++) {
+    for (uint32_t i = 0; i < start->vehicle_count; ++i) {
         const verge_vehicle* vehicle = &start->vehicles[i].state;
         if (!start->vehicles[i].present || !vehicle->controlled) {
             continue;
@@ -243,7 +243,7 @@ static uint32_t order_of(const world* start, int32_t axis, const verge_vehicle**
                           (way == ways[at - 1] && vehicle->id < order[at - 1]->id))) {
             ways[at] = ways[at - 1];
             order[at] = order[at - 1];
-            at--;
+            --at;
         }
         ways[at] = way;
         order[at] = vehicle;

@@ -76,7 +76,7 @@ static void flow_watch(const world* world, const verge_plan* plan, void* notes_g
 {
     flow_notes* notes = notes_given;
     (void)plan;
-    for (uint32_t i = 0; i < world->vehicle_count; i++) {
+    for (uint32_t i = 0; i < world->vehicle_count; ++i) {
         const world_vehicle* at = &world->vehicles[i];
         if (!at->present || !at->state.controlled) {
             continue;
@@ -86,7 +86,7 @@ static void flow_watch(const world* world, const verge_plan* plan, void* notes_g
             continue;
         }
         double gap = INFINITY;
-        for (uint32_t k = 0; k < world->vehicle_count; k++) {
+        for (uint32_t k = 0; k < world->vehicle_count; ++k) {
             const world_vehicle* other = &world->vehicles[k];
             const double ahead = other->state.x - at->state.x; // the road runs along x
             if (k != i && other->present && other->lane == at->lane && ahead > 0.0) {
@@ -116,9 +116,9 @@ static void quantity_row(table* rows, const char* habit, uint32_t quantity, cons
     double*  all = must_calloc((size_t)count * samples_max, sizeof *all);
     uint32_t total = 0;
     double   sum = 0.0;
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const flow_notes* notes = results[i].notes;
-        for (uint32_t k = 0; k < notes->count[quantity]; k++) {
+        for (uint32_t k = 0; k < notes->count[quantity]; ++k) {
             sum += all[total++] = notes->samples[quantity][k];
         }
     }
@@ -128,7 +128,7 @@ static void quantity_row(table* rows, const char* habit, uint32_t quantity, cons
     table_text(rows, "quantity", quantity_names[quantity]);
     table_number(rows, "samples", total);
     table_number(rows, "mean", total > 0 ? sum / total : (double)NAN);
-    for (uint32_t k = 0; k < sizeof marks / sizeof marks[0]; k++) {
+    for (uint32_t k = 0; k < sizeof marks / sizeof marks[0]; ++k) {
         table_number(rows, marks[k].key, percentile(all, total, marks[k].share));
     }
     free(all);
@@ -141,12 +141,12 @@ static bool flows(lab* self, table* rows)
     const uint32_t count = habit_count * self->repeats;
     trial*   tasks = must_calloc(count, sizeof *tasks);
     outcome* results = must_calloc(count, sizeof *results);
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const uint64_t seed = self->seed + i % self->repeats;
         const traffic  with = { .controlled = 4, .humans = 4, .density = 25.0, .speed_min = 5.0,
                                 .speed_max = 8.0, .seed = seed };
         lab_document* document = traffic_document(&with);
-        for (int32_t id = 0; id < 4; id++) {
+        for (int32_t id = 0; id < 4; ++id) {
             cJSON* vehicle = lab_vehicle(document, id);
             if (vehicle != NULL) {
                 lab_set(vehicle, "habit", cJSON_CreateString(habits[i / self->repeats]));
@@ -157,7 +157,7 @@ static bool flows(lab* self, table* rows)
                             .observe = flow_watch, .notes_size = sizeof(flow_notes) };
     }
     const bool good = lab_run(self, tasks, results, count);
-    for (uint32_t h = 0; good && h < habit_count; h++) {
+    for (uint32_t h = 0; good && h < habit_count; ++h) {
         const summary sums = summary_of(&results[h * self->repeats], self->repeats);
         table_row(rows);
         table_text(rows, "habit", habits[h]);
@@ -165,8 +165,8 @@ static bool flows(lab* self, table* rows)
         table_number(rows, "max_abs_acceleration", sums.max_abs_acceleration);
         table_number(rows, "max_abs_jerk", sums.max_abs_jerk);
     }
-    for (uint32_t q = 0; good && q < quantities; q++) {
-        for (uint32_t h = 0; h < habit_count; h++) {
+    for (uint32_t q = 0; good && q < quantities; ++q) {
+        for (uint32_t h = 0; h < habit_count; ++h) {
             quantity_row(rows, habits[h], q, &results[h * self->repeats], self->repeats);
         }
     }
@@ -204,7 +204,7 @@ static const char* yield_text(lab* self, double cooperation, uint64_t seed)
                                 5.0 + 0.1 * vg_random_below(&random, 31) };
     const traffic base = { .controlled = 2, .density = 10.0, .speed_min = 5.0, .speed_max = 5.0 };
     lab_document* document = traffic_document(&base);
-    for (int32_t id = 0; id < 2; id++) {
+    for (int32_t id = 0; id < 2; ++id) {
         cJSON* vehicle = lab_vehicle(document, id);
         lab_set(vehicle, "x", cJSON_CreateNumber(id == 0 ? 60.0 : 60.0 + lead));
         lab_set(vehicle, "y", cJSON_CreateNumber(4.0 * id));
@@ -219,7 +219,7 @@ static const char* yield_text(lab* self, double cooperation, uint64_t seed)
         { "offset", normal.weights.offset }, { "acceleration", normal.weights.acceleration },
         { "jerk", normal.weights.jerk }, { "obstacle", normal.weights.obstacle },
     };
-    for (uint32_t k = 0; k < sizeof parts / sizeof parts[0]; k++) {
+    for (uint32_t k = 0; k < sizeof parts / sizeof parts[0]; ++k) {
         lab_set(weights, parts[k].key, cJSON_CreateNumber(parts[k].value));
     }
     lab_set(habit, "cooperation", cJSON_CreateNumber(cooperation));
@@ -236,16 +236,16 @@ static bool yields(lab* self, table* rows)
     const uint32_t count = factor_count * self->repeats;
     trial*   tasks = must_calloc(count, sizeof *tasks);
     outcome* results = must_calloc(count, sizeof *results);
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const uint64_t seed = self->seed + i % self->repeats;
         tasks[i] = (trial){ .text = yield_text(self, factors[i / self->repeats], seed),
                             .seed = seed, .observe = yield_watch,
                             .notes_size = sizeof(yield_notes) };
     }
     const bool good = lab_run(self, tasks, results, count);
-    for (uint32_t f = 0; good && f < factor_count; f++) {
+    for (uint32_t f = 0; good && f < factor_count; ++f) {
         double yielded = 0.0, entered = 0.0, braked = 0.0, more = 0.0, less = 0.0;
-        for (uint32_t i = 0; i < self->repeats; i++) {
+        for (uint32_t i = 0; i < self->repeats; ++i) {
             const yield_notes* notes = results[f * self->repeats + i].notes;
             const yield_notes* egoist = results[i].notes; // the same scene with the first factor
             more += notes->ahead && !egoist->ahead ? 1.0 : 0.0;

@@ -40,9 +40,9 @@ bool freeway_table(lab* self, table* rows)
     trial*   tasks = must_calloc((size_t)self->repeats * cells, sizeof *tasks);
     outcome* results = must_calloc((size_t)self->repeats * cells, sizeof *results);
     bool     good = true;
-    for (uint32_t s = 0; good && s < sizeof settings / sizeof settings[0]; s++) {
+    for (uint32_t s = 0; good && s < sizeof settings / sizeof settings[0]; ++s) {
         const setting* with = &settings[s];
-        for (uint32_t i = 0; good && i < cells * self->repeats; i++) {
+        for (uint32_t i = 0; good && i < cells * self->repeats; ++i) {
             const uint32_t cell = i / self->repeats, repeat = i % self->repeats;
             const method   way = (method)(cell % method_count);
             const char*    text = repeat > 0 ? tasks[i - 1].text
@@ -52,7 +52,7 @@ bool freeway_table(lab* self, table* rows)
             good = text != NULL;
         }
         good = good && lab_run(self, tasks, results, cells * self->repeats);
-        for (uint32_t cell = 0; good && cell < cells; cell++) {
+        for (uint32_t cell = 0; good && cell < cells; ++cell) {
             const outcome* first = &results[cell * self->repeats];
             const uint32_t controlled = 2 + cell / method_count;
             rows_of(rows, with, controlled, (method)(cell % method_count), first, self->repeats);
@@ -131,7 +131,7 @@ static const printed paper_rows[counts_of_controlled][method_count] = {
 
 static double cell_of(const table_line* line, const char* key)
 {
-    for (uint32_t k = 0; k < line->cell_count; k++) {
+    for (uint32_t k = 0; k < line->cell_count; ++k) {
         if (strcmp(line->cells[k].key, key) == 0) {
             return line->cells[k].number;
         }
@@ -144,7 +144,7 @@ static const table_line* line_of(const table* rows, const char* with, double con
                                  const char* method)
 {
     const table_line* found = NULL;
-    for (uint32_t i = 0; i < rows->row_count; i++) {
+    for (uint32_t i = 0; i < rows->row_count; ++i) {
         const table_line* line = &rows->rows[i];
         if (strcmp(line->cells[0].text, with) == 0 && line->cells[1].number == controlled
             && strcmp(line->cells[2].text, method) == 0) {
@@ -163,8 +163,8 @@ static void goal_note(const lab* self, const table* rows)
           "smallest gap above the paper's best column (without planning).\n\n"
           "|setting|controlled|success, 1 m|nodes|finish time|gap|\n|---|---:|---|---|---|---|\n",
           self->notes);
-    for (uint32_t s = 0; s < 2; s++) {
-        for (uint32_t n = 0; n < counts_of_controlled; n++) {
+    for (uint32_t s = 0; s < 2; ++s) {
+        for (uint32_t n = 0; n < counts_of_controlled; ++n) {
             const table_line* line = line_of(rows, with[s], n + 2.0, "verge");
             const printed*    paper = paper_rows[n];
             const double      nearest = cell_of(line, "min_distance_worst");
@@ -193,8 +193,8 @@ static void paper_note(const lab* self, const table* rows)
           "|controlled|method|success paper|as stated|as run|nodes paper|as stated|as run|"
           "finish time paper [s]|as stated|as run|gap paper [m]|as stated|as run|\n"
           "|---:|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n", self->notes);
-    for (uint32_t n = 0; n < counts_of_controlled; n++) {
-        for (uint32_t m = 0; m < method_count; m++) {
+    for (uint32_t n = 0; n < counts_of_controlled; ++n) {
+        for (uint32_t m = 0; m < method_count; ++m) {
             const printed*    paper = &paper_rows[n][m];
             const table_line* stated = line_of(rows, "as-stated", n + 2.0, paper->method);
             const table_line* run = line_of(rows, "as-run", n + 2.0, paper->method);
@@ -229,7 +229,7 @@ enum { room_count = 4, cruise_count = 3, choices = room_count * cruise_count };
 static bool on_front(const summary* all, uint32_t index)
 {
     const summary* self = &all[index];
-    for (uint32_t i = 0; i < choices; i++) {
+    for (uint32_t i = 0; i < choices; ++i) {
         const summary* other = &all[i];
         const bool as_good = other->success >= self->success
                              && other->finish_time <= self->finish_time
@@ -246,7 +246,7 @@ static bool on_front(const summary* all, uint32_t index)
 
 static void front_rows(table* rows, uint32_t controlled, const summary* all)
 {
-    for (uint32_t k = 0; k < choices; k++) {
+    for (uint32_t k = 0; k < choices; ++k) {
         const verge_planner_def def = verge_planner_default_def();
         const double room = rooms[k % room_count];
         const double cruise = cruises[k / room_count];
@@ -266,10 +266,10 @@ bool pareto(lab* self, table* rows)
     trial*   tasks = must_calloc(count, sizeof *tasks);
     outcome* results = must_calloc(count, sizeof *results);
     bool     good = true;
-    for (uint32_t controlled = 2; good && controlled <= 4; controlled++) {
+    for (uint32_t controlled = 2; good && controlled <= 4; ++controlled) {
         char name[32];
         snprintf(name, sizeof name, "freeway-%uav", controlled);
-        for (uint32_t k = 0; good && k < choices; k++) {
+        for (uint32_t k = 0; good && k < choices; ++k) {
             lab_document* document = lab_open(self, name);
             good = document != NULL;
             if (good) {
@@ -278,13 +278,13 @@ bool pareto(lab* self, table* rows)
                 lab_parameter(document, "cruise_share", cruises[k / room_count]);
             }
             const char* text = good ? lab_text(self, document) : NULL;
-            for (uint32_t i = 0; i < self->repeats; i++) {
+            for (uint32_t i = 0; i < self->repeats; ++i) {
                 tasks[k * self->repeats + i] = (trial){ .text = text, .seed = self->seed + i };
             }
         }
         summary all[choices];
         good = good && lab_run(self, tasks, results, count);
-        for (uint32_t k = 0; good && k < choices; k++) {
+        for (uint32_t k = 0; good && k < choices; ++k) {
             all[k] = summary_of(&results[k * self->repeats], self->repeats);
         }
         if (good) {

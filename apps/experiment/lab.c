@@ -97,7 +97,7 @@ const char* lab_text(lab* self, lab_document* document)
 
 void lab_clear(lab* self)
 {
-    for (uint32_t i = 0; i < self->text_count; i++) {
+    for (uint32_t i = 0; i < self->text_count; ++i) {
         free(self->texts[i]);
     }
     free(self->texts);
@@ -117,10 +117,10 @@ bool lab_run(const lab* self, const trial* tasks, outcome* results, uint32_t cou
     uint32_t started = 0;
     memset(results, 0, count * sizeof *results);
     while (started + 1 < wanted && pthread_create(&threads[started], NULL, work, &from) == 0) {
-        started++;
+        ++started;
     }
     work(&from); // this thread, too: there is always one
-    for (uint32_t i = 0; i < started; i++) {
+    for (uint32_t i = 0; i < started; ++i) {
         pthread_join(threads[i], NULL);
     }
     pthread_mutex_destroy(&from.lock);
@@ -128,7 +128,7 @@ bool lab_run(const lab* self, const trial* tasks, outcome* results, uint32_t cou
         fputs("\r\033[K", stderr);
     }
     bool good = !from.failed && !lab_interrupted();
-    for (uint32_t i = 0; i < count && from.failed; i++) {
+    for (uint32_t i = 0; i < count && from.failed; ++i) {
         if (results[i].error[0] != '\0') {
             const char* line_end = strchr(results[i].error, '\n') != NULL ? "" : "\n";
             fprintf(stderr, "%s%s", results[i].error, line_end);
@@ -143,7 +143,7 @@ bool lab_run(const lab* self, const trial* tasks, outcome* results, uint32_t cou
 
 void lab_free_results(outcome* results, uint32_t count)
 {
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         outcome_free(&results[i]);
     }
 }

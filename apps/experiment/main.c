@@ -74,7 +74,7 @@ int main(int argc, char** argv)
         || !options_u64(&this, "--seed", with.seed_text, &self.seed, NULL)) {
         return 2;
     }
-    for (uint32_t i = 0; with.list && i < experiment_count; i++) {
+    for (uint32_t i = 0; with.list && i < experiment_count; ++i) {
         printf("%-14s %s\n", experiments[i].name, experiments[i].text);
     }
     if (with.list) {
@@ -96,13 +96,13 @@ int main(int argc, char** argv)
 static bool usage_check(const request* with, const lab* self)
 {
     bool known = with->only == NULL;
-    for (uint32_t i = 0; !known && i < experiment_count; i++) {
+    for (uint32_t i = 0; !known && i < experiment_count; ++i) {
         known = strcmp(experiments[i].name, with->only) == 0;
     }
     if (!known) {
         fprintf(stderr, "verge-experiment:--only: there is no experiment \"%s\", expected",
                 with->only);
-        for (uint32_t i = 0; i < experiment_count; i++) {
+        for (uint32_t i = 0; i < experiment_count; ++i) {
             fprintf(stderr, "%s %s", i > 0 ? "," : "", experiments[i].name);
         }
         fputc('\n', stderr);
@@ -116,7 +116,7 @@ static bool usage_check(const request* with, const lab* self)
         return false;
     }
     const char* const files[] = { with->json, with->page };
-    for (uint32_t i = 0; i < sizeof files / sizeof files[0]; i++) {
+    for (uint32_t i = 0; i < sizeof files / sizeof files[0]; ++i) {
         if (files[i] != NULL && !file_check(files[i])) {
             fprintf(stderr, "%s:file: cannot be written (%s)\n", files[i], strerror(errno));
             return false;
@@ -133,7 +133,7 @@ static bool folder_make(const char* path)
         errno = ENAMETOOLONG;
         return false;
     }
-    for (char* at = part + 1; part[0] != '\0' && *at != '\0'; at++) {
+    for (char* at = part + 1; part[0] != '\0' && *at != '\0'; ++at) {
         if (*at == '/') {
             *at = '\0';
             if (mkdir(part, 0777) != 0 && errno != EEXIST) {
@@ -161,7 +161,7 @@ static int run_all(const request* with, lab* self)
     table*   all = must_calloc(experiment_count, sizeof *all);
     uint32_t done = 0;
     bool     good = true;
-    for (uint32_t i = 0; good && i < experiment_count; i++) {
+    for (uint32_t i = 0; good && i < experiment_count; ++i) {
         const experiment* one = &experiments[i];
         if (with->only != NULL && strcmp(one->name, with->only) != 0) {
             continue;
@@ -176,7 +176,7 @@ static int run_all(const request* with, lab* self)
         fprintf(stderr, "verge-experiment:interrupted: %u finished, results in %s\n", done,
                 self->out);
     }
-    for (uint32_t i = 0; i < experiment_count; i++) {
+    for (uint32_t i = 0; i < experiment_count; ++i) {
         table_free(&all[i]);
     }
     free(all);
@@ -230,7 +230,7 @@ static bool write_json(const char* path, const table* all, uint32_t count)
     if (good && count > 1) {
         fputs("{\"experiments\": [\n", file.stream);
     }
-    for (uint32_t i = 0; good && i < count; i++) {
+    for (uint32_t i = 0; good && i < count; ++i) {
         fputs(i > 0 ? "," : "", file.stream);
         table_write_json(file.stream, &all[i]);
     }
@@ -270,14 +270,14 @@ static bool write_page(const char* path, const lab* self)
               " total` all nodes. Settings, methods, and the choices where the paper is silent:"
               " freeway.c, decided.h, sequential.h.\n", file.stream);
     }
-    for (uint32_t i = 0; good && i < experiment_count; i++) {
+    for (uint32_t i = 0; good && i < experiment_count; ++i) {
         char name[4096];
         snprintf(name, sizeof name, "%s/%s.md", self->out, experiments[i].name);
         char* text = lab_read(name);
         if (text != NULL) {
             fprintf(file.stream, "\n%s\n", text);
             write_picture(file.stream, experiments[i].name);
-            for (uint32_t k = 0; experiments[i].pictures[k] != NULL; k++) {
+            for (uint32_t k = 0; experiments[i].pictures[k] != NULL; ++k) {
                 write_picture(file.stream, experiments[i].pictures[k]);
             }
         }

@@ -70,7 +70,7 @@ bool ramp_cases(lab* self, table* rows)
 {
     outcome* results = must_calloc(self->repeats, sizeof *results);
     bool     good = true;
-    for (uint32_t k = 0; good && k < state_count * case_count; k++) {
+    for (uint32_t k = 0; good && k < state_count * case_count; ++k) {
         const ramp_case* which = &cases[k % case_count];
         const double     share = states[k / case_count].share;
         const double     iterations = states[k / case_count].iterations;
@@ -83,7 +83,7 @@ bool ramp_cases(lab* self, table* rows)
             lab_free_results(results, self->repeats);
         }
     }
-    for (uint32_t k = 0; good && k < human_count; k++) {
+    for (uint32_t k = 0; good && k < human_count; ++k) {
         good = run_case(self, human_text(self, humans[k].start), humans[k].file, results);
         if (good) {
             human_row(rows, humans[k].name, results, self->repeats);
@@ -111,7 +111,7 @@ static const char* case_text(lab* self, const ramp_case* which, double share, do
         cJSON_Delete(document);
         return NULL;
     }
-    for (uint32_t k = 0; k < sizeof moved / sizeof moved[0]; k++) {
+    for (uint32_t k = 0; k < sizeof moved / sizeof moved[0]; ++k) {
         const double from = number_of(document, paper_2, moved[k]);
         const double to = number_of(other, paper_2, moved[k]);
         lab_set(lab_vehicle(document, paper_2), moved[k],
@@ -132,11 +132,11 @@ static cJSON* track_of(const scenario* base, int32_t id, double start)
 {
     const verge_road* road = verge_planner_road(base->planner);
     cJSON*            track = must(cJSON_CreateArray());
-    for (uint32_t i = 0; i < base->vehicle_count; i++) {
+    for (uint32_t i = 0; i < base->vehicle_count; ++i) {
         const verge_vehicle* v = &base->vehicles[i].start;
         const double s0 = verge_road_project_on(road, target_lane, v->x, v->y).s;
         double       s = s0, speed = 6.0;
-        for (uint32_t tick = 0; v->id == id && tick <= 200; tick++) {
+        for (uint32_t tick = 0; v->id == id && tick <= 200; ++tick) {
             const double t = tick * WORLD_DT;
             double row[5] = { t, 0.0, 0.0, 0.0, speed };
             verge_road_at(road, target_lane, s, 0.0, &row[1], &row[2], &row[3]);
@@ -176,7 +176,7 @@ static const char* human_text(lab* self, double start)
 static bool run_case(lab* self, const char* text, const char* name, outcome* results)
 {
     trial* tasks = must_calloc(self->repeats, sizeof *tasks);
-    for (uint32_t i = 0; i < self->repeats; i++) {
+    for (uint32_t i = 0; i < self->repeats; ++i) {
         tasks[i] = (trial){ .text = text, .seed = self->seed + i, .record = i == 0,
                             .observe = ramp_watch, .notes_size = sizeof(ramp_notes) };
     }
@@ -193,7 +193,7 @@ static bool run_case(lab* self, const char* text, const char* name, outcome* res
 
 static const world_vehicle* find(const world* world, int32_t id)
 {
-    for (uint32_t i = 0; i < world->vehicle_count; i++) {
+    for (uint32_t i = 0; i < world->vehicle_count; ++i) {
         if (world->vehicles[i].state.id == id) {
             return &world->vehicles[i];
         }
@@ -204,9 +204,9 @@ static const world_vehicle* find(const world* world, int32_t id)
 /// When a plan has the vehicle in the target lane [s]; INFINITY: not within its horizon.
 static double planned_entry(const verge_plan* plan, double now, int32_t id)
 {
-    for (uint32_t i = 0; i < plan->vehicle_count; i++) {
+    for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
         const verge_vehicle_plan* vehicle = &plan->vehicles[i];
-        for (uint32_t k = 0; vehicle->vehicle_id == id && k < vehicle->action_count; k++) {
+        for (uint32_t k = 0; vehicle->vehicle_id == id && k < vehicle->action_count; ++k) {
             if (vehicle->actions[k].lane_id == target_lane) {
                 return now + vehicle->actions[k].t1;
             }
@@ -229,7 +229,7 @@ static void watch_human(const world* world, const verge_plan* plan, ramp_notes* 
         notes->visible = now > 0.0 ? now : -1.0; // from the start: there is no before
         memcpy(notes->entry_before, notes->entry, sizeof notes->entry);
     }
-    for (uint32_t k = 0; k < 2; k++) {
+    for (uint32_t k = 0; k < 2; ++k) {
         notes->entry[k] = planned_entry(plan, now, ids[k]);
         const double later = notes->entry[k] - notes->entry_before[k];
         const bool waits = notes->gave_up[k] == 0.0 && notes->entered[k] == 0.0;
@@ -245,7 +245,7 @@ static void ramp_watch(const world* world, const verge_plan* plan, void* notes_g
     const world_vehicle* both[2] = { find(world, paper_2), find(world, paper_4) };
     double               way[2];
     watch_human(world, plan, notes);
-    for (uint32_t k = 0; k < 2; k++) {
+    for (uint32_t k = 0; k < 2; ++k) {
         const verge_vehicle* at = &both[k]->state;
         way[k] = verge_road_project_on(world->road, target_lane, at->x, at->y).s;
         notes->first_speed[k] = world->tick == 0 ? at->speed : notes->first_speed[k];
@@ -272,7 +272,7 @@ static void order_row(table* rows, const ramp_case* which, double share, double 
 {
     const summary sums = summary_of(results, count);
     double ahead = 0.0, same = 0.0, both = 0.0, brake_2 = 0.0, brake_4 = 0.0;
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const ramp_notes* notes = results[i].notes;
         both += notes->both_seen ? 1.0 : 0.0;
         ahead += notes->both_seen && notes->ahead_2 ? 1.0 : 0.0;
@@ -298,10 +298,10 @@ static void human_row(table* rows, const char* name, const outcome* results, uin
 {
     const summary sums = summary_of(results, count);
     double gave_up[2] = { 0.0, 0.0 }, latest = 0.0, passed[2] = { 0.0, 0.0 }, visible = 0.0;
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const ramp_notes* notes = results[i].notes;
         visible += notes->visible > 0.0 ? notes->visible / count : 0.0;
-        for (uint32_t k = 0; k < 2; k++) {
+        for (uint32_t k = 0; k < 2; ++k) {
             gave_up[k] += notes->gave_up[k] > 0.0 ? 1.0 : 0.0;
             passed[k] += notes->entered[k] / count;
             if (notes->gave_up[k] > 0.0) {
@@ -332,7 +332,7 @@ static void halt_watch(const world* world, const verge_plan* plan, void* notes_g
 {
     halt_notes* notes = notes_given;
     (void)plan;
-    for (uint32_t i = 0; i < world->vehicle_count && i < VERGE_VEHICLES_MAX; i++) {
+    for (uint32_t i = 0; i < world->vehicle_count && i < VERGE_VEHICLES_MAX; ++i) {
         const world_vehicle* at = &world->vehicles[i];
         const bool halts = at->present && at->state.controlled && at->state.speed < 0.1;
         notes->now[i] = halts ? notes->now[i] + 1 : 0;
@@ -346,7 +346,7 @@ bool roundabout(lab* self, table* rows)
     outcome*      results = must_calloc(self->repeats, sizeof *results);
     lab_document* document = lab_open(self, "roundabout");
     const char*   text = document != NULL ? lab_text(self, document) : NULL;
-    for (uint32_t i = 0; i < self->repeats; i++) {
+    for (uint32_t i = 0; i < self->repeats; ++i) {
         tasks[i] = (trial){ .text = text, .seed = self->seed + i, .record = i == 0,
                             .observe = halt_watch, .notes_size = sizeof(halt_notes) };
     }
@@ -354,7 +354,7 @@ bool roundabout(lab* self, table* rows)
     if (good) {
         const summary sums = summary_of(results, self->repeats);
         double longest = 0.0;
-        for (uint32_t i = 0; i < self->repeats; i++) {
+        for (uint32_t i = 0; i < self->repeats; ++i) {
             const halt_notes* notes = results[i].notes;
             longest = fmax(longest, notes->longest * WORLD_DT);
         }

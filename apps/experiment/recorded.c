@@ -40,14 +40,14 @@ static void blame_watch(const world* world, const verge_plan* plan, void* notes_
 {
     blame_notes* notes = notes_given;
     (void)plan;
-    for (uint32_t i = 0; i < world->vehicle_count; i++) {
+    for (uint32_t i = 0; i < world->vehicle_count; ++i) {
         const world_vehicle* at = &world->vehicles[i];
         notes->held[i] = at->lane == notes->lane[i] ? notes->held[i] + 1 : 0;
         notes->lane[i] = at->lane;
     }
-    for (uint32_t i = 0; i < world->vehicle_count; i++) {
+    for (uint32_t i = 0; i < world->vehicle_count; ++i) {
         const world_vehicle* one = &world->vehicles[i];
-        for (uint32_t k = 0; k < world->vehicle_count; k++) {
+        for (uint32_t k = 0; k < world->vehicle_count; ++k) {
             const world_vehicle* other = &world->vehicles[k];
             const bool counts = i != k && one->present && other->present && one->state.controlled
                                 && (!other->state.controlled || i < k);
@@ -56,7 +56,7 @@ static void blame_watch(const world* world, const verge_plan* plan, void* notes_
                 continue;
             }
             notes->touched[i][k] = true;
-            notes->contacts++;
+            ++notes->contacts;
             const bool held = notes->held[i] * WORLD_DT >= LANE_HELD_S;
             notes->caused += !other->state.controlled && held && runs_into(other, one) ? 0 : 1;
         }
@@ -92,7 +92,7 @@ static void scene_row(table* rows, const char* path, const outcome* results, uin
     const char*   name = strrchr(path, '/') + 1;
     double        contacts = 0.0, caused = 0.0;
     char          scene[64];
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const blame_notes* notes = results[i].notes;
         contacts += notes->contacts;
         caused += notes->caused;
@@ -125,10 +125,10 @@ bool recorded(lab* self, table* rows)
     if (count == 0) {
         fputs("\nNo recorded scenes in the folder of recordings.\n", self->notes);
     }
-    for (uint32_t k = 0; good && k < count; k++) {
+    for (uint32_t k = 0; good && k < count; ++k) {
         lab_document* document = lab_open(self, paths[k]);
         const char*   text = document != NULL ? lab_text(self, document) : NULL;
-        for (uint32_t i = 0; i < self->repeats; i++) {
+        for (uint32_t i = 0; i < self->repeats; ++i) {
             tasks[i] = (trial){ .text = text, .seed = self->seed + i, .record = i == 0,
                                 .observe = blame_watch, .notes_size = sizeof(blame_notes) };
         }

@@ -68,14 +68,14 @@ bool sequential_refused(const sequential_problem* problem, const sequential_stat
                         uint32_t step, uint8_t action)
 {
     const uint32_t samples = (uint32_t)lround(problem->step_s / SEQUENTIAL_SAMPLE_S);
-    for (uint32_t k = 1; k <= samples; k++) {
+    for (uint32_t k = 1; k <= samples; ++k) {
         const sequential_state at =
             sequential_move(problem, from, action, (double)k * SEQUENTIAL_SAMPLE_S);
         if (at.y < problem->y_min || at.y > problem->y_max) {
             return true;
         }
         const uint32_t sample = step * samples + k;
-        for (uint32_t i = 0; i < problem->obstacle_count; i++) {
+        for (uint32_t i = 0; i < problem->obstacle_count; ++i) {
             const sequential_obstacle* other = &problem->obstacles[i];
             const double along =
                 problem->half_length + other->half_length + SEQUENTIAL_AIR_ALONG;
@@ -101,13 +101,13 @@ bool sequential_search(const sequential_problem* problem, sequential_plan* plan)
     self.nodes[0] = (node){ .state = { problem->s, problem->y, problem->v }, .parent = none,
                             .previous = SEQUENTIAL_ACTIONS };
     uint32_t spent = 0;
-    for (uint32_t t = 0; t < problem->steps; t++) {
+    for (uint32_t t = 0; t < problem->steps; ++t) {
         spent += share_of(problem, t);
     }
     int32_t root = 0;
-    for (uint32_t t = 0; t < problem->steps && root != none; t++) {
+    for (uint32_t t = 0; t < problem->steps && root != none; ++t) {
         const uint32_t rest = t == 0 ? problem->iterations - spent : 0;
-        for (uint32_t k = 0; k < share_of(problem, t) + rest; k++) {
+        for (uint32_t k = 0; k < share_of(problem, t) + rest; ++k) {
             iterate(&self, root);
         }
         const int32_t next = greedy(&self, root);
@@ -133,13 +133,13 @@ static void advance(const sequential_problem* problem, node* at, uint8_t action)
         at->credit += problem->reward_consistency * share;
     }
     at->previous = action;
-    at->step++;
+    ++at->step;
 }
 
 static uint32_t share_of(const sequential_problem* problem, uint32_t step)
 {
     double sum = 0.0;
-    for (uint32_t t = 0; t < problem->steps; t++) {
+    for (uint32_t t = 0; t < problem->steps; ++t) {
         sum += 2.0 / (double)(t + 2);
     }
     return (uint32_t)((double)problem->iterations * (2.0 / (double)(step + 2)) / sum);
@@ -149,7 +149,7 @@ static uint32_t share_of(const sequential_problem* problem, uint32_t step)
 static void open_node(const search* self, node* at)
 {
     at->opened = true;
-    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; action++) {
+    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; ++action) {
         at->children[action] = none;
         if (!sequential_refused(self->problem, &at->state, at->step, action)) {
             at->untried = (uint16_t)(at->untried | (1u << action));
@@ -160,7 +160,7 @@ static void open_node(const search* self, node* at)
 static uint8_t draw(search* self, uint16_t set)
 {
     uint32_t index = vg_random_below(&self->random, (uint32_t)__builtin_popcount(set));
-    for (; index > 0; index--) {
+    for (; index > 0; --index) {
         set = (uint16_t)(set & (set - 1u));
     }
     return (uint8_t)__builtin_ctz(set);
@@ -172,7 +172,7 @@ static int32_t uct_child(const search* self, const node* at)
     const double scale = 2.0 * self->problem->exploration * sqrt(2.0 * log((double)at->visits));
     int32_t best = none;
     double  best_value = -1.0;
-    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; action++) {
+    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; ++action) {
         const int32_t c = at->children[action];
         if (c == none) {
             continue;
@@ -222,7 +222,7 @@ static void iterate(search* self, int32_t root)
     const double reward = simulate(self, self->nodes[at]);
     for (; at != none; at = self->nodes[at].parent) {
         node* here = &self->nodes[at];
-        here->visits++;
+        ++here->visits;
         here->mean += (reward - here->mean) / (double)here->visits;
     }
 }
@@ -250,7 +250,7 @@ static int32_t greedy(const search* self, int32_t root)
 {
     const node* at = &self->nodes[root];
     int32_t     best = none;
-    for (uint8_t action = 0; at->opened && action < SEQUENTIAL_ACTIONS; action++) {
+    for (uint8_t action = 0; at->opened && action < SEQUENTIAL_ACTIONS; ++action) {
         const int32_t c = at->children[action];
         if (c != none && (best == none || self->nodes[c].mean > self->nodes[best].mean)) {
             best = c;

@@ -17,11 +17,11 @@ static double mean_of(const outcome* results, uint32_t count, size_t offset)
 {
     double   sum = 0.0;
     uint32_t measured = 0;
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const double value = value_at(&results[i], offset);
         if (isfinite(value)) {
             sum += value;
-            measured++;
+            ++measured;
         }
     }
     return measured > 0 ? sum / measured : (double)NAN;
@@ -30,7 +30,7 @@ static double mean_of(const outcome* results, uint32_t count, size_t offset)
 static double least_of(const outcome* results, uint32_t count, size_t offset)
 {
     double least = INFINITY;
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         least = fmin(least, value_at(&results[i], offset));
     }
     return least;
@@ -41,7 +41,7 @@ summary summary_of(const outcome* results, uint32_t count)
     summary  self = { .count = count };
     double   success = 0.0, nodes = 0.0, total = 0.0, gap = 0.0;
     uint32_t intentions = 0, reached = 0, bounded = 0;
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         const outcome* one = &results[i];
         success += one->success ? 1.0 : 0.0;
         self.collisions += one->collisions;
@@ -53,7 +53,7 @@ summary summary_of(const outcome* results, uint32_t count)
         reached += one->reached;
         if (isfinite(one->bound) && one->bound > 0.0) {
             gap += (one->bound - one->reward) / one->bound;
-            bounded++;
+            ++bounded;
         }
     }
     self.success = success / count;

@@ -45,9 +45,9 @@ void table_write_json(FILE* out, const table* self)
     fputs("{\"experiment\": ", out);
     string_write(out, self->experiment);
     fputs(", \"rows\": [", out);
-    for (uint32_t i = 0; i < self->row_count; i++) {
+    for (uint32_t i = 0; i < self->row_count; ++i) {
         fprintf(out, "%s\n  {", i > 0 ? "," : "");
-        for (uint32_t k = 0; k < self->rows[i].cell_count; k++) {
+        for (uint32_t k = 0; k < self->rows[i].cell_count; ++k) {
             const table_cell* cell = &self->rows[i].cells[k];
             fputs(k > 0 ? ", " : "", out);
             string_write(out, cell->key);
@@ -65,13 +65,13 @@ void table_write_json(FILE* out, const table* self)
 
 void table_write_markdown(FILE* out, const table* self)
 {
-    for (uint32_t i = 0; i < self->row_count; i++) {
+    for (uint32_t i = 0; i < self->row_count; ++i) {
         const table_line* line = &self->rows[i];
         if (i == 0 || !same_keys(line, line - 1)) {
             markdown_head(out, line);
         }
         fputc('|', out);
-        for (uint32_t k = 0; k < line->cell_count; k++) {
+        for (uint32_t k = 0; k < line->cell_count; ++k) {
             markdown_cell(out, &line->cells[k]);
         }
         fputc('\n', out);
@@ -93,7 +93,7 @@ static table_cell* cell_add(table* self, const char* key)
 static bool same_keys(const table_line* a, const table_line* b)
 {
     bool same = a->cell_count == b->cell_count;
-    for (uint32_t k = 0; same && k < a->cell_count; k++) {
+    for (uint32_t k = 0; same && k < a->cell_count; ++k) {
         same = strcmp(a->cells[k].key, b->cells[k].key) == 0;
     }
     return same;
@@ -102,14 +102,14 @@ static bool same_keys(const table_line* a, const table_line* b)
 static void markdown_head(FILE* out, const table_line* line)
 {
     fputs("\n|", out);
-    for (uint32_t k = 0; k < line->cell_count; k++) {
-        for (const char* c = line->cells[k].key; *c != '\0'; c++) {
+    for (uint32_t k = 0; k < line->cell_count; ++k) {
+        for (const char* c = line->cells[k].key; *c != '\0'; ++c) {
             fputc(*c == '_' ? ' ' : *c, out); // so that columns may wrap
         }
         fputc('|', out);
     }
     fputs("\n|", out);
-    for (uint32_t k = 0; k < line->cell_count; k++) {
+    for (uint32_t k = 0; k < line->cell_count; ++k) {
         fputs(line->cells[k].is_text ? "---|" : "---:|", out);
     }
     fputc('\n', out);

@@ -35,7 +35,7 @@ lab_document* traffic_document(const traffic* self)
     must(cJSON_AddStringToObject(document, "source", "random traffic of verge-experiment"));
     roads_add(document);
     cJSON* vehicles = must(cJSON_AddArrayToObject(document, "vehicles"));
-    for (uint32_t i = 0; i < self->controlled + self->humans; i++) {
+    for (uint32_t i = 0; i < self->controlled + self->humans; ++i) {
         // Where chance has left no room the rest of the scene is not there: rare at 60 a km.
         if (place_find(self, &random, places, i)) {
             vehicle_add(vehicles, self, &random, places[i], i);
@@ -50,11 +50,11 @@ static void roads_add(cJSON* document)
 {
     cJSON* road = must(cJSON_AddObjectToObject(document, "road"));
     cJSON* lanes = must(cJSON_AddArrayToObject(road, "lanes"));
-    for (int i = 0; i < lane_count; i++) {
+    for (int i = 0; i < lane_count; ++i) {
         cJSON* lane = must(cJSON_CreateObject());
         cJSON* line = must(cJSON_CreateArray());
         const double ends[2] = { 0.0, road_length };
-        for (int k = 0; k < 2; k++) {
+        for (int k = 0; k < 2; ++k) {
             const double point[2] = { ends[k], lane_width * i };
             cJSON_AddItemToArray(line, must(cJSON_CreateDoubleArray(point, 2)));
         }
@@ -74,11 +74,11 @@ static bool place_find(const traffic* self, vg_random* random, place* places, ui
     const uint32_t count = self->controlled + self->humans;
     const double   stretch = 1000.0 * count / (lane_count * self->density); // [m]
     const uint32_t tenths = (uint32_t)(10.0 * stretch);
-    for (uint32_t tries = 0; tries < places_max; tries++) {
+    for (uint32_t tries = 0; tries < places_max; ++tries) {
         const place at = { .lane = vg_random_below(random, lane_count),
                            .s = first_s + 0.1 * vg_random_below(random, tenths) };
         bool free_there = true;
-        for (uint32_t i = 0; i < index; i++) {
+        for (uint32_t i = 0; i < index; ++i) {
             free_there = free_there && (places[i].lane != at.lane
                                         || fabs(places[i].s - at.s) >= TRAFFIC_SPACING);
         }

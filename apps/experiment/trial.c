@@ -130,7 +130,7 @@ static bool plan_cycle(drive* self)
         first_search(self);
     }
     metrics_cycle(&self->metrics, self->plan, -1.0);
-    for (uint32_t i = 0; i < self->plan->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->plan->vehicle_count; ++i) {
         world_follow(&self->world, &self->plan->vehicles[i], world_time(&self->world));
     }
     return true;
@@ -160,7 +160,7 @@ static bool decide_once(drive* self)
 
 static void hand_out(drive* self, uint32_t step)
 {
-    for (uint32_t i = 0; i < self->decisions->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->decisions->vehicle_count; ++i) {
         const decided_vehicle* vehicle = &self->decisions->vehicles[i];
         verge_vehicle_plan     plan;
         if (step < vehicle->step_count) {
@@ -196,12 +196,12 @@ static void sum_up(drive* self)
     // Decided motion bends at every step: jerk means something with planning only.
     to->max_abs_jerk = self->task->method == METHOD_VERGE ? from->max_abs_jerk : (double)NAN;
     to->nodes_cycle = from->cycles > 0 ? (double)from->nodes / (double)from->cycles : (double)NAN;
-    for (uint32_t i = 0; i < from->vehicle_count; i++) {
+    for (uint32_t i = 0; i < from->vehicle_count; ++i) {
         const metrics_vehicle* vehicle = &from->vehicles[i];
         plans += self->world.vehicles[i].state.controlled ? from->cycles : 0;
         if (vehicle->intends && !vehicle->keeps) {
             const bool finished = !isnan(vehicle->finish_time);
-            to->intentions++;
+            ++to->intentions;
             to->reached += isnan(vehicle->reached_time) ? 0 : 1;
             to->finish_last = finished ? fmax(to->finish_last, vehicle->finish_time)
                                        : (double)INFINITY;

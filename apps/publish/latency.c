@@ -42,7 +42,7 @@ static void series_write(FILE* out, const char* name, latency_series* self)
         const struct { const char* key; double share; } quantiles[] = {
             { "p50", 0.5 }, { "p99", 0.99 }, { "max", 1.0 },
         };
-        for (int i = 0; i < 3; i++) {
+        for (int i = 0; i < 3; ++i) {
             fprintf(out, ",\"%s\":", quantiles[i].key);
             number_write(out, quantile_ms(self, quantiles[i].share));
         }

@@ -95,7 +95,7 @@ int main(int argc, char** argv)
 /// States carry one rectangle: a unit on the bus would plan other vehicles through a trailer.
 static bool trailers_refused(const scenario* scene)
 {
-    for (uint32_t i = 0; i < scene->vehicle_count; i++) {
+    for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
         if (scene->vehicles[i].start.body.trailer_length > 0.0) {
             fprintf(stderr, "%s:vehicles[%u].body: has a trailer, which messages cannot tell,"
                             " expected a vehicle without one\n", scene->file.name, i);
@@ -232,7 +232,7 @@ static void gather_end(publisher* self);
 static bool asks(const publisher* self)
 {
     bool found = false;
-    for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->world.vehicle_count; ++i) {
         found = found || (self->world.vehicles[i].present &&
                           self->world.vehicles[i].state.controlled);
     }
@@ -242,7 +242,7 @@ static bool asks(const publisher* self)
 static bool publish(publisher* self, double duration)
 {
     const uint32_t end = (uint32_t)lround(duration * WORLD_TICKS_PER_SECOND);
-    for (uint32_t i = 0; i < VERGE_VEHICLES_MAX; i++) {
+    for (uint32_t i = 0; i < VERGE_VEHICLES_MAX; ++i) {
         self->followers[i] = (follower){ .cycle = -1, .utime = INT64_MIN };
     }
     self->gathered_cycle = -1;
@@ -275,10 +275,10 @@ static bool publish(publisher* self, double duration)
 static void publish_states(publisher* self)
 {
     const int64_t utime = self->start + world_utime(&self->world);
-    self->sequence++;
+    ++self->sequence;
     self->sent_utime = utime;
     self->sent_at = clock_us(CLOCK_REALTIME);
-    for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->world.vehicle_count; ++i) {
         const world_vehicle* vehicle = &self->world.vehicles[i];
         if (!vehicle->present) {
             continue;
@@ -306,7 +306,7 @@ static void follow_plans(publisher* self, int64_t until)
             continue;
         }
         const uint32_t count = transport_drain(self->bus, batch, DRAIN_BATCH);
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < count; ++i) {
             if (batch[i].kind == TRANSPORT_PLAN) {
                 on_plan(self, &batch[i].as.plan, batch[i].arrival_utime);
             }
@@ -326,11 +326,11 @@ static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_
 {
     const char* fault = wire_plan_check(message);
     if (fault != NULL) {
-        self->refused++;
+        ++self->refused;
         fprintf(stderr, "verge-publish: a plan was refused for its %s\n", fault);
         return;
     }
-    for (uint32_t i = 0; i < self->world.vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->world.vehicle_count; ++i) {
         const world_vehicle* vehicle = &self->world.vehicles[i];
         if (vehicle->state.id == message->vehicle_id && vehicle->state.controlled) {
             const verge_vehicle_plan plan = plan_of(message);
@@ -370,7 +370,7 @@ static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message)
     plan.status = (verge_plan_status)message->status;
     plan.reason = (verge_reason)message->reason;
     plan.action_count = (uint32_t)message->action_count;
-    for (uint32_t i = 0; i < plan.action_count; i++) {
+    for (uint32_t i = 0; i < plan.action_count; ++i) {
         const verge_plan_action_t* from = &message->actions[i];
         plan.actions[i] = (verge_action_step){
             .action = (verge_action)from->action,

@@ -223,7 +223,7 @@ static bool read_recording(recording* self, const char* path, FILE* file, const 
     ssize_t size = 0;
     bool    good = true;
     bool    headed = false;
-    for (uint32_t number = 1; good && (size = getline(&text, &room, file)) > 0; number++) {
+    for (uint32_t number = 1; good && (size = getline(&text, &room, file)) > 0; ++number) {
         char name[4200];
         snprintf(name, sizeof name, "%s:%u", path, number);
         json_file line;
@@ -396,8 +396,8 @@ static int compare(const char* path, const recording* self, world* world)
             tell_different(path, number, when, recorded, status == VERGE_OK ? plan.digest : 0);
             return 1;
         }
-        number++;
-        for (uint32_t i = 0; i < plan.vehicle_count; i++) {
+        ++number;
+        for (uint32_t i = 0; i < plan.vehicle_count; ++i) {
             world_follow(world, &plan.vehicles[i], world_time(world));
         }
     }

@@ -150,7 +150,7 @@ static bool plan_cycle(simulation* self)
         return false;
     }
     metrics_cycle(&self->metrics, plan, ms);
-    for (uint32_t i = 0; i < plan->vehicle_count; i++) {
+    for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
         world_follow(&self->world, &plan->vehicles[i], world_time(&self->world));
     }
     return true;

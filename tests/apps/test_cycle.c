@@ -120,7 +120,7 @@ static void run_at(unit* self, double t)
 static const verge_vehicle_plan_t* message_for(const unit* self, int32_t id)
 {
     const verge_vehicle_plan_t* found = NULL;
-    for (uint32_t i = 0; i < self->cycle.message_count; i++) {
+    for (uint32_t i = 0; i < self->cycle.message_count; ++i) {
         if (self->cycle.messages[i].vehicle_id == id) {
             assert_null(found); // one message a vehicle a cycle
             found = &self->cycle.messages[i];
@@ -143,15 +143,15 @@ static void test_every_controlled_vehicle_gets_one_valid_plan_a_cycle(void** sta
 {
     (void)state;
     unit* self = unit_start();
-    for (int k = 0; k < 6; k++) {
+    for (int k = 0; k < 6; ++k) {
         const double t = 0.5 * k;
-        for (int32_t id = 0; id < 4; id++) {
+        for (int32_t id = 0; id < 4; ++id) {
             assert_true(hear(self, id, t, id != 2));
         }
         run_at(self, t + 0.05);
 
         assert_int_equal(self->cycle.message_count, 3);
-        for (uint32_t i = 0; i < 3; i++) {
+        for (uint32_t i = 0; i < 3; ++i) {
             const verge_vehicle_plan_t* message = &self->cycle.messages[i];
             assert_null(wire_plan_check(message));
             assert_int_equal(message->vehicle_id, i < 2 ? (int)i : 3); // ordered by id
@@ -183,15 +183,15 @@ static void test_the_same_messages_and_instants_give_the_same_bytes(void** state
     (void)state;
     unit* one = unit_start();
     unit* two = unit_start();
-    for (int k = 0; k < 5; k++) {
-        for (int32_t id = 0; id < 3; id++) {
+    for (int k = 0; k < 5; ++k) {
+        for (int32_t id = 0; id < 3; ++id) {
             hear(one, id, 0.5 * k, true);
             hear(two, 2 - id, 0.5 * k, true); // another order of arrival
         }
         run_at(one, 0.5 * k + 0.1);
         run_at(two, 0.5 * k + 0.1);
         assert_int_equal(one->cycle.message_count, two->cycle.message_count);
-        for (uint32_t i = 0; i < one->cycle.message_count; i++) {
+        for (uint32_t i = 0; i < one->cycle.message_count; ++i) {
             uint8_t a[2048], b[2048];
             const int size_a = verge_vehicle_plan_t_encode(a, 0, sizeof a, &one->cycle.messages[i]);
             const int size_b = verge_vehicle_plan_t_encode(b, 0, sizeof b, &two->cycle.messages[i]);
@@ -228,8 +228,8 @@ static void test_after_a_step_back_of_the_clock_planning_starts_afresh(void** st
     assert_int_equal(self->cycle.view.count, 0);
     assert_int_equal(self->cycle.message_count, 2);
     assert_int_equal(message_for(self, 0)->status, VERGE_CANCELLED);
-    for (int k = 1; k < 4; k++) {
-        for (int32_t id = 0; id < 3; id++) {
+    for (int k = 1; k < 4; ++k) {
+        for (int32_t id = 0; id < 3; ++id) {
             assert_true(hear(self, id, 0.5 * k, true)); // not out of order
         }
         run_at(self, 0.5 * k + 0.1);
@@ -244,16 +244,16 @@ static void test_after_an_empty_road_plans_are_those_of_a_unit_that_just_started
     (void)state;
     unit* old = unit_start();
     unit* fresh = unit_start();
-    for (int k = 0; k < 6; k++) { // other vehicles in the past, all in the lane of the others
+    for (int k = 0; k < 6; ++k) { // other vehicles in the past, all in the lane of the others
         hear(old, 1, 0.5 * k, true);
         hear(old, 2, 0.5 * k, false);
         run_at(old, 0.5 * k + 0.1);
     }
     run_at(old, 10.0); // nobody is there any more
     assert_int_equal(old->cycle.view.count, 0);
-    for (int k = 0; k < 6; k++) {
+    for (int k = 0; k < 6; ++k) {
         const double t = 20.0 + 0.5 * k;
-        for (int32_t id = 0; id < 3; id++) {
+        for (int32_t id = 0; id < 3; ++id) {
             assert_true(hear(old, id, t, id != 2));
             assert_true(hear(fresh, id, t, id != 2));
         }
@@ -276,7 +276,7 @@ static void test_a_vehicle_that_falls_silent_is_cancelled_once(void** state)
     hear(self, 1, 0.0, true);
     run_at(self, 0.1);
     uint32_t cancelled = 0;
-    for (int k = 1; k < 8; k++) {
+    for (int k = 1; k < 8; ++k) {
         const double t = 0.5 * k;
         hear(self, 1, t, true); // vehicle 0 is silent
         run_at(self, t + 0.1);
@@ -286,7 +286,7 @@ static void test_a_vehicle_that_falls_silent_is_cancelled_once(void** state)
             assert_int_equal(message->reason, VERGE_REASON_STALE);
             assert_int_equal(message->point_count, 0);
             assert_null(wire_plan_check(message));
-            cancelled++;
+            ++cancelled;
             assert_int_equal(k, 1); // at once
         }
         assert_planned(self, 1);
@@ -335,13 +335,13 @@ static void test_stopping_cancels_every_plan_in_force_and_no_other(void** state)
 {
     (void)state;
     unit* self = unit_start();
-    for (int32_t id = 0; id < 4; id++) {
+    for (int32_t id = 0; id < 4; ++id) {
         hear(self, id, 0.0, id != 2);
     }
     run_at(self, 0.1);
     cycle_cancel_all(&self->cycle, 1, EPOCH + 200000);
     assert_int_equal(self->cycle.message_count, 3);
-    for (uint32_t i = 0; i < 3; i++) {
+    for (uint32_t i = 0; i < 3; ++i) {
         assert_int_equal(self->cycle.messages[i].status, VERGE_CANCELLED);
         assert_int_equal(self->cycle.messages[i].cycle, 1);
         assert_int_not_equal(self->cycle.messages[i].vehicle_id, 2);
@@ -357,17 +357,17 @@ static void test_who_has_a_plan_keeps_it_when_too_many_ask(void** state)
 {
     (void)state;
     unit* self = unit_start();
-    for (int32_t id = 5; id < 5 + CONTROLLED_ROOM; id++) {
+    for (int32_t id = 5; id < 5 + CONTROLLED_ROOM; ++id) {
         assert_true(hear(self, id, 0.0, true));
     }
     run_at(self, 0.1);
-    for (int k = 1; k < 4; k++) {
-        for (int32_t id = 3; id < 5 + CONTROLLED_ROOM; id++) { // two with lower ids come
+    for (int k = 1; k < 4; ++k) {
+        for (int32_t id = 3; id < 5 + CONTROLLED_ROOM; ++id) { // two with lower ids come
             hear(self, id, 0.5 * k, true);
         }
         run_at(self, 0.5 * k + 0.1);
         assert_int_equal(self->cycle.message_count, CONTROLLED_ROOM);
-        for (int32_t id = 5; id < 5 + CONTROLLED_ROOM; id++) {
+        for (int32_t id = 5; id < 5 + CONTROLLED_ROOM; ++id) {
             assert_planned(self, id);
         }
         assert_int_equal(self->cycle.view.count, CONTROLLED_ROOM + 2); // seen all the same
@@ -405,20 +405,20 @@ static void drive_with_bad_messages(test_rng* rng)
     unit* spared = unit_start();
     unit* troubled = unit_start();
     uint64_t bad = 0;
-    for (uint32_t k = 0; k < 12; k++) {
+    for (uint32_t k = 0; k < 12; ++k) {
         const double t = 0.5 * k;
-        for (int32_t id = 0; id < 3; id++) {
+        for (int32_t id = 0; id < 3; ++id) {
             hear(spared, id, t, true);
             hear(troubled, id, t, true);
-            for (int n = 0; n < 6; n++) { // from the same vehicle, or from a stranger
+            for (int n = 0; n < 6; ++n) { // from the same vehicle, or from a stranger
                 const int32_t who = test_rng_below(rng, 2) == 0 ? id : 40;
                 verge_vehicle_state_t spoilt = spoil(rng, state_at(id, t + 0.01, true));
                 spoilt.vehicle_id = who;
                 assert_false(offer(troubled, &spoilt, t + 0.01));
-                bad++;
+                ++bad;
             }
             hear(troubled, id, t, true); // a duplicate
-            bad++;
+            ++bad;
         }
         run_at(spared, t + 0.1);
         run_at(troubled, t + 0.1);
@@ -439,7 +439,7 @@ static void test_bad_messages_change_nothing_for_anyone(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("isolation");
-    for (uint32_t round = 0; round < test_rounds(2); round++) {
+    for (uint32_t round = 0; round < test_rounds(2); ++round) {
         drive_with_bad_messages(&rng);
     }
 }
@@ -548,7 +548,7 @@ static void test_the_ring_of_cycle_times_gives_the_nearest_rank(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("timing");
-    for (uint32_t round = 0; round < test_rounds(200); round++) {
+    for (uint32_t round = 0; round < test_rounds(200); ++round) {
         static timing times;
         memset(&times, 0, sizeof times);
         // Every other round a whole hundred, where the rank is a whole number.
@@ -556,7 +556,7 @@ static void test_the_ring_of_cycle_times_gives_the_nearest_rank(void** state)
         const uint32_t count = round % 2 == 0 ? any : 100 * (1 + any % 10);
         static uint32_t all[2 * TIMING_RING];
         uint32_t max = 0;
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < count; ++i) {
             all[i] = test_rng_below(&rng, 100000);
             max = all[i] > max ? all[i] : max;
             timing_add(&times, all[i]);
@@ -565,9 +565,9 @@ static void test_the_ring_of_cycle_times_gives_the_nearest_rank(void** state)
         // last cycles do not exceed.
         const uint32_t first = count > TIMING_RING ? count - TIMING_RING : 0;
         uint32_t expected = UINT32_MAX;
-        for (uint32_t i = first; i < count; i++) {
+        for (uint32_t i = first; i < count; ++i) {
             uint32_t not_above = 0;
-            for (uint32_t j = first; j < count; j++) {
+            for (uint32_t j = first; j < count; ++j) {
                 not_above += all[j] <= all[i] ? 1 : 0;
             }
             if (100 * not_above >= 99 * (count - first) && all[i] < expected) {
@@ -592,15 +592,15 @@ static void count_task(void* arg, uint32_t index)
 static void test_the_pool_runs_every_task_once_and_waits_for_it(void** state)
 {
     (void)state;
-    for (uint32_t threads = 1; threads <= 4; threads++) {
+    for (uint32_t threads = 1; threads <= 4; ++threads) {
         executor* pool = executor_create(threads);
         assert_non_null(pool);
-        for (uint32_t round = 0; round < test_rounds(300); round++) {
+        for (uint32_t round = 0; round < test_rounds(300); ++round) {
             tally work;
             memset(&work, 0, sizeof work);
             const uint32_t count = round % 100;
             executor_run(pool, count_task, &work, count);
-            for (uint32_t i = 0; i < 100; i++) {
+            for (uint32_t i = 0; i < 100; ++i) {
                 assert_int_equal(atomic_load(&work.done[i]), i < count ? 1 : 0);
             }
         }
@@ -615,7 +615,7 @@ enum { TOLD = 3 }; // vehicles 0, 1 and 3 ask for plans; 2 does not
 
 static void hear_all(unit* self, double t)
 {
-    for (int32_t id = 0; id < 4; id++) {
+    for (int32_t id = 0; id < 4; ++id) {
         assert_true(hear(self, id, t, id != 2));
     }
 }
@@ -641,11 +641,11 @@ static void test_an_overrun_sends_what_is_left_of_each_plan_point_for_point(void
     };
     static verge_vehicle_plan_t planned[TOLD];
     unit* self = unit_late(planned);
-    for (size_t c = 0; c < sizeof CASES / sizeof CASES[0]; c++) {
+    for (size_t c = 0; c < sizeof CASES / sizeof CASES[0]; ++c) {
         const int32_t dropped = CASES[c].dropped;
         cycle_overrun(&self->cycle, instant(CASES[c].t));
         assert_int_equal(self->cycle.message_count, TOLD);
-        for (uint32_t i = 0; i < TOLD; i++) {
+        for (uint32_t i = 0; i < TOLD; ++i) {
             const verge_vehicle_plan_t* rest = &self->cycle.messages[i];
             const verge_vehicle_plan_t* from = &planned[i];
             assert_null(wire_plan_check(rest));
@@ -686,7 +686,7 @@ static void test_where_no_plan_is_left_an_overrun_brakes_from_the_newest_state(v
     cycle_overrun(&self->cycle, instant(3.06));
     assert_int_equal(self->cycle.message_count, TOLD);
     assert_int_equal(self->cycle.counters.fallbacks, fallbacks + TOLD);
-    for (uint32_t i = 0; i < TOLD; i++) {
+    for (uint32_t i = 0; i < TOLD; ++i) {
         const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
         assert_null(wire_plan_check(plan));
         assert_int_equal(plan->status, VERGE_FALLBACK_BRAKE);
@@ -700,7 +700,7 @@ static void test_where_no_plan_is_left_an_overrun_brakes_from_the_newest_state(v
         CHECK_NEAR((double)plan->points[0].speed, 12.0, 1e-6);
         CHECK_NEAR((double)plan->points[30].speed, 3.9, 0.2); // 3 m/s^2 after the jerk's ramp
         assert_int_equal(plan->actions[0].brake_light, 1);
-        for (int32_t k = 1; k < plan->point_count; k++) {
+        for (int32_t k = 1; k < plan->point_count; ++k) {
             const verge_plan_point_t *a = &plan->points[k - 1], *b = &plan->points[k];
             const double way = 0.05 * (double)(a->speed + b->speed);
             CHECK_NEAR(b->x - a->x, way, 1e-4);
@@ -760,7 +760,7 @@ static void test_who_is_across_its_lane_turns_along_it_while_it_brakes(void** st
     CHECK_NEAR((double)plan.points[0].heading, 0.12, 1e-6);
     CHECK_NEAR((double)plan.points[30].heading, 0.0, 1e-6);
     assert_int_equal(plan.actions[0].lane, 0);
-    for (int32_t k = 1; k < plan.point_count; k++) {
+    for (int32_t k = 1; k < plan.point_count; ++k) {
         const verge_plan_point_t *a = &plan.points[k - 1], *b = &plan.points[k];
         const double way = hypot(b->x - a->x, b->y - a->y);
         // It goes where it points, and turns as it says.
@@ -801,7 +801,7 @@ static void test_a_late_plan_begins_with_its_first_point_that_is_not_over(void**
     static verge_vehicle_plan_t whole[TOLD];
     memcpy(whole, self->cycle.messages, sizeof whole);
     cycle_retime(&self->cycle, instant(1.27));
-    for (uint32_t i = 0; i < TOLD; i++) {
+    for (uint32_t i = 0; i < TOLD; ++i) {
         const verge_vehicle_plan_t* late = &self->cycle.messages[i];
         assert_null(wire_plan_check(late));
         assert_true(late->utime == instant(1.25) && late->utime > told);
@@ -817,13 +817,13 @@ static void test_overruns_do_not_change_a_plan(void** state)
     (void)state;
     unit* in_time = unit_start();
     unit* late = unit_start();
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 8; ++k) {
         const double t = 0.5 * k;
         hear_all(in_time, t);
         hear_all(late, t);
         run_at(in_time, t + 0.05);
         cycle_begin(&late->cycle, k, instant(t + 0.05));
-        for (int n = 0; n <= k; n++) {
+        for (int n = 0; n <= k; ++n) {
             cycle_overrun(&late->cycle, instant(t + 0.1 + n));
         }
         cycle_plan(&late->cycle);

@@ -19,13 +19,13 @@
 static int digits_of(const char* text, char digits[40])
 {
     int count = 0;
-    for (const char* c = text; *c != '\0' && *c != 'e'; c++) {
+    for (const char* c = text; *c != '\0' && *c != 'e'; ++c) {
         if (*c >= '0' && *c <= '9' && (count > 0 || *c != '0')) {
             digits[count++] = *c;
         }
     }
     while (count > 0 && digits[count - 1] == '0') {
-        count--;
+        --count;
     }
     digits[count] = '\0';
     return count;
@@ -39,7 +39,7 @@ static bool reads_back_cut(double value, int digits, bool up, bool as_float)
     const int exponent = atoi(strchr(exact, 'e') + 1);
     exact[1] = exact[0]; // the digits without their point
     unsigned long long whole = 0;
-    for (int i = 0; i < digits; i++) {
+    for (int i = 0; i < digits; ++i) {
         whole = 10 * whole + (unsigned long long)(exact[1 + i] - '0');
     }
     snprintf(text, sizeof text, "%llue%d", whole + (up ? 1 : 0), exponent - digits + 1);
@@ -51,7 +51,7 @@ static void check_shortest(double value, const char* text, bool as_float)
     char      digits[40];
     const int count = digits_of(text, digits);
     const double size = fabs(value);
-    for (int up = 0; up <= 1 && count > 1; up++) {
+    for (int up = 0; up <= 1 && count > 1; ++up) {
         if (reads_back_cut(size, count - 1, up == 1, as_float)) {
             fail_msg("%a is written %s, and a shorter text reads back, too", value, text);
         }
@@ -95,7 +95,7 @@ static void test_known_numbers_have_their_known_texts(void** state)
         { 1764286248000000.0, "1764286248000000" }, // an instant of today [us]
         { 5e6, "5000000" }, { 4999999.999, "4999999.999" },
     };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         char text[DECIMAL_SIZE];
         decimal_from_double(cases[i].value, text);
         assert_string_equal(text, cases[i].text);
@@ -105,7 +105,7 @@ static void test_known_numbers_have_their_known_texts(void** state)
         { 1e-45f, "1e-45" }, { FLT_MAX, "3.4028235e38" }, { FLT_MIN, "1.1754944e-38" },
         { 1.0f / 3.0f, "0.33333334" },
     };
-    for (size_t i = 0; i < sizeof floats / sizeof floats[0]; i++) {
+    for (size_t i = 0; i < sizeof floats / sizeof floats[0]; ++i) {
         char text[DECIMAL_SIZE];
         decimal_from_float(floats[i].value, text);
         assert_string_equal(text, floats[i].text);
@@ -134,7 +134,7 @@ static void test_any_number_is_shortest(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("decimal");
-    for (uint32_t i = 0; i < test_rounds(10000); i++) {
+    for (uint32_t i = 0; i < test_rounds(10000); ++i) {
         const uint64_t bits = test_rng_next(&rng);
         const uint32_t half = (uint32_t)(bits >> 32);
         double value;
@@ -177,7 +177,7 @@ static void test_the_locale_does_not_matter(void** state)
     const char* const names[] = { "de_DE", "ps_AF" }; // a comma; a point of two bytes
     char folder[] = "/tmp/verge-locale-XXXXXX";
     assert_non_null(mkdtemp(folder));
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; ++i) {
         char expected[32], text[DECIMAL_SIZE];
         if (!locale_enter(folder, names[i])) {
             folder_remove(folder);

@@ -42,7 +42,7 @@ static void run_and_check(executor* pool, uint32_t count, bool uneven)
     self.count = count;
     self.uneven = uneven;
     executor_run(pool, work_task, &self, count);
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         assert_int_equal(atomic_load(&self.done[i]), 1);
     }
     assert_int_equal(atomic_load(&self.out_of_range), 0);
@@ -53,14 +53,14 @@ static void test_every_task_is_done_once_before_the_run_returns(void** state)
     (void)state;
     test_rng rng = test_rng_seeded("executor");
     const uint32_t threads[] = { 1, 2, 3, 8, EXECUTOR_THREADS_MAX };
-    for (size_t i = 0; i < sizeof threads / sizeof threads[0]; i++) {
+    for (size_t i = 0; i < sizeof threads / sizeof threads[0]; ++i) {
         executor* pool = executor_create(threads[i]);
         assert_non_null(pool);
         const uint32_t counts[] = { 0, 1, 2, threads[i], threads[i] + 1, TASKS_MAX };
-        for (size_t k = 0; k < sizeof counts / sizeof counts[0]; k++) {
+        for (size_t k = 0; k < sizeof counts / sizeof counts[0]; ++k) {
             run_and_check(pool, counts[k], false);
         }
-        for (uint32_t round = 0; round < test_rounds(300); round++) {
+        for (uint32_t round = 0; round < test_rounds(300); ++round) {
             run_and_check(pool, test_rng_below(&rng, 40), round % 16 == 0);
         }
         executor_destroy(pool);
@@ -79,7 +79,7 @@ static void meeting_task(void* arg, uint32_t index)
     meeting* self = arg;
     (void)index;
     atomic_fetch_add(&self->arrived, 1);
-    for (int tries = 0; atomic_load(&self->arrived) < self->expected; tries++) {
+    for (int tries = 0; atomic_load(&self->arrived) < self->expected; ++tries) {
         if (tries == 20000) {
             atomic_fetch_add(&self->missed, 1);
             return;
@@ -91,7 +91,7 @@ static void meeting_task(void* arg, uint32_t index)
 static void test_as_many_tasks_as_threads_run_at_the_same_time(void** state)
 {
     (void)state;
-    for (uint32_t threads = 1; threads <= 8; threads++) {
+    for (uint32_t threads = 1; threads <= 8; ++threads) {
         executor* pool = executor_create(threads);
         meeting   all = { .expected = threads };
         executor_run(pool, meeting_task, &all, threads);
@@ -103,7 +103,7 @@ static void test_as_many_tasks_as_threads_run_at_the_same_time(void** state)
 static void test_a_pool_that_never_ran_is_destroyed_at_once(void** state)
 {
     (void)state;
-    for (uint32_t round = 0; round < test_rounds(100); round++) {
+    for (uint32_t round = 0; round < test_rounds(100); ++round) {
         executor_destroy(executor_create(1 + round % 5));
     }
     executor_destroy(NULL);
@@ -113,7 +113,7 @@ static void test_numbers_of_threads_without_room_are_refused(void** state)
 {
     (void)state;
     const uint32_t wrong[] = { 0, EXECUTOR_THREADS_MAX + 1, UINT32_MAX };
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
         errno = 0;
         assert_null(executor_create(wrong[i]));
         assert_int_equal(errno, EINVAL);

@@ -33,7 +33,7 @@ static sequential_problem open_road(void)
 static sequential_obstacle standing(double s, double y)
 {
     sequential_obstacle at = { .half_length = 2.5, .half_width = 1.0 };
-    for (uint32_t k = 0; k < SEQUENTIAL_SAMPLES_MAX; k++) {
+    for (uint32_t k = 0; k < SEQUENTIAL_SAMPLES_MAX; ++k) {
         at.s[k] = s;
         at.y[k] = y;
     }
@@ -45,7 +45,7 @@ static sequential_obstacle standing(double s, double y)
 static void test_nine_actions_are_three_accelerations_times_three_lateral_speeds(void** state)
 {
     (void)state;
-    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; action++) {
+    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; ++action) {
         CHECK_NEAR(sequential_acceleration(action), action < 3 ? -1 : action < 6 ? 0 : 1, 0.0);
         CHECK_NEAR(sequential_lateral(action), 1.2 * (action % 3) - 1.2, 1e-15);
     }
@@ -126,7 +126,7 @@ static double exhaustive(const sequential_problem* problem, const sequential_sta
         return credit + (fabs(at->y - problem->target_y) <= 0.5 ? problem->reward_target : 0.0);
     }
     double best = -1.0;
-    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; action++) {
+    for (uint8_t action = 0; action < SEQUENTIAL_ACTIONS; ++action) {
         if (sequential_refused(problem, at, step, action)) {
             continue;
         }
@@ -146,7 +146,7 @@ static void test_its_plans_obey_the_rules_and_come_near_the_best(void** state)
     test_rng rng = test_rng_seeded("sequential");
     double   lost = 0.0;
     uint32_t count = 0;
-    for (uint32_t round = 0; round < test_rounds(20); round++) {
+    for (uint32_t round = 0; round < test_rounds(20); ++round) {
         sequential_problem  problem = open_road();
         sequential_obstacle others[2] = { standing(test_rng_between(&rng, 5.0, 40.0), 4.0),
                                           standing(test_rng_between(&rng, 30.0, 60.0), 0.0) };
@@ -161,7 +161,7 @@ static void test_its_plans_obey_the_rules_and_come_near_the_best(void** state)
         if (plan.blocked || best < 0.0) {
             continue;
         }
-        for (uint32_t k = 0; k < problem.steps; k++) {
+        for (uint32_t k = 0; k < problem.steps; ++k) {
             const sequential_state next =
                 sequential_move(&problem, &plan.states[k], plan.actions[k], problem.step_s);
             assert_false(sequential_refused(&problem, &plan.states[k], k, plan.actions[k]));
@@ -170,7 +170,7 @@ static void test_its_plans_obey_the_rules_and_come_near_the_best(void** state)
         }
         CHECK_AT_MOST(plan.reward, best + 1e-12);
         lost += best - plan.reward;
-        count++;
+        ++count;
     }
     CHECK_AT_MOST(lost, 0.1 * count); // the greedy child of largest mean is not always the best
 }
@@ -244,7 +244,7 @@ static void test_a_decided_step_starts_and_ends_in_its_states(void** state)
     CHECK_NEAR(plan.points[0].y, 0.0, 1e-9);
     CHECK_NEAR(plan.points[15].x, 30.0 + 8.45 * 1.5, 1e-9);
     CHECK_NEAR(plan.points[15].y, 3.0, 1e-9);
-    for (uint32_t k = 0; k < 16; k++) { // even acceleration, even drift
+    for (uint32_t k = 0; k < 16; ++k) { // even acceleration, even drift
         const double t = 0.1 * k;
         CHECK_NEAR(plan.points[k].x, 30.0 + 8.0 * t + 0.3 * t * t, 1e-9);
         CHECK_NEAR(plan.points[k].y, 2.0 * t, 1e-9);
@@ -277,7 +277,7 @@ static void test_no_search_earns_more_than_the_bound(void** state)
     verge_plan* plan = calloc(1, sizeof *plan);
     test_rng    rng = test_rng_seeded("bound");
     assert_non_null(plan);
-    for (uint32_t round = 0; round < test_rounds(20); round++) {
+    for (uint32_t round = 0; round < test_rounds(20); ++round) {
         const traffic with = { .controlled = 2 + test_rng_below(&rng, 5), .humans = 3,
                                .density = 25.0, .speed_min = 4.0, .speed_max = 8.0,
                                .seed = test_rng_next(&rng) % 1000000 };
@@ -300,7 +300,7 @@ static void test_no_search_earns_more_than_the_bound(void** state)
 static void test_traffic_is_as_ordered_and_the_same_for_the_same_seed(void** state)
 {
     (void)state;
-    for (uint32_t seed = 1; seed <= test_rounds(50); seed++) {
+    for (uint32_t seed = 1; seed <= test_rounds(50); ++seed) {
         const traffic with = { .controlled = 8, .humans = 4, .density = 30.0, .speed_min = 4.0,
                                .speed_max = 8.0, .seed = seed };
         lab_document* one = traffic_document(&with);
@@ -310,14 +310,14 @@ static void test_traffic_is_as_ordered_and_the_same_for_the_same_seed(void** sta
         stage self;
         open_stage(&self, text); // refuses overlaps and vehicles off the road
         assert_int_equal(self.scene.vehicle_count, 12);
-        for (uint32_t i = 0; i < 12; i++) {
+        for (uint32_t i = 0; i < 12; ++i) {
             const verge_vehicle* at = &self.scene.vehicles[i].start;
             const double         lane = at->y / 4.0;
             assert_true(at->controlled == (i < 8));
             CHECK_BETWEEN(at->speed, 4.0, 8.0);
             CHECK_BETWEEN(at->x, 50.0, 150.0); // 12 vehicles, 30 a km on 4 lanes: 100 m
             CHECK_NEAR(at->controlled ? fabs(at->target_lane - lane) : 1.0, 1.0, 1e-9);
-            for (uint32_t k = 0; k < i; k++) {
+            for (uint32_t k = 0; k < i; ++k) {
                 const verge_vehicle* other = &self.scene.vehicles[k].start;
                 assert_true(other->y != at->y || fabs(other->x - at->x) >= TRAFFIC_SPACING - 1e-9);
             }
@@ -337,12 +337,12 @@ static void test_trials_side_by_side_give_what_they_give_alone(void** state)
     const lab here = { .experiment = "test" };
     trial     tasks[6];
     outcome   together[6], alone;
-    for (uint32_t i = 0; i < 6; i++) {
+    for (uint32_t i = 0; i < 6; ++i) {
         tasks[i] = (trial){ .text = ROAD, .seed = 1 + i / 3, .method = (method)(i % 3),
                             .record = true };
     }
     assert_true(lab_run(&here, tasks, together, 6));
-    for (uint32_t i = 0; i < 6; i++) {
+    for (uint32_t i = 0; i < 6; ++i) {
         trial_run(&tasks[i], &alone);
         assert_true(alone.done && together[i].done);
         assert_true(together[i].success);
@@ -399,7 +399,7 @@ static void test_rows_become_json_and_markdown(void** state)
 {
     (void)state;
     table rows = { .experiment = "words" };
-    for (uint32_t i = 0; i < 2; i++) {
+    for (uint32_t i = 0; i < 2; ++i) {
         table_row(&rows);
         table_text(&rows, "method", i == 0 ? "a \"b\"" : "c");
         table_number(&rows, "finish_time", i == 0 ? 5.25 : (double)NAN);

@@ -33,7 +33,7 @@ static void test_what_is_no_regular_file_is_refused_with_what_it_is(void** state
         { "socket", "No such device or address" }, { "none", "No such file or directory" },
         { "zero", "not a regular file" }, { "to-fifo", "not a regular file" },
     };
-    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; i++) {
+    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; ++i) {
         const char* reason = NULL;
         assert_null(input_open(path_of(CASES[i].name), &reason));
         assert_string_equal(reason, CASES[i].reason);
@@ -90,7 +90,7 @@ static int remove_places(void** state)
 {
     (void)state;
     static const char* const NAMES[] = { "fifo", "socket", "zero", "to-fifo", "large", "good" };
-    for (size_t i = 0; i < sizeof NAMES / sizeof NAMES[0]; i++) {
+    for (size_t i = 0; i < sizeof NAMES / sizeof NAMES[0]; ++i) {
         unlink(path_of(NAMES[i]));
     }
     return rmdir(path_of("folder")) | rmdir(folder);

@@ -31,7 +31,7 @@ typedef struct wrong_text {
 
 static void check_refused(const wrong_text* cases, size_t count)
 {
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count; ++i) {
         char  expected[JSON_ERROR_SIZE];
         char* error = error_of(cases[i].text, strlen(cases[i].text));
         snprintf(expected, sizeof expected, "%s\n", cases[i].line);
@@ -127,7 +127,7 @@ static void test_a_byte_that_is_no_text_names_its_line(void** state)
 {
     (void)state;
     const char* const bytes[] = { "\xff", "\xc0\x80", "\xed\xa0", "\xf5\x80\x80\x80", "\x80" };
-    for (size_t i = 0; i < sizeof bytes / sizeof bytes[0]; i++) {
+    for (size_t i = 0; i < sizeof bytes / sizeof bytes[0]; ++i) {
         char text[32];
         snprintf(text, sizeof text, "[\n\"%s\"]", bytes[i]);
         char* error = error_of(text, strlen(text));
@@ -147,7 +147,7 @@ static void test_valid_json_is_read(void** state)
         "{\"\": {\"a\": [[], {}, [1]]}}", "[\"\\u00e9\\ud83d\\ude00\\\"\\\\\\/\\b\\f\\n\\r\\t\"]",
         "\r\n\t{\"a\"\n:\n1\n,\n\"b\"\n:\n2\n}\n", "[\"\xc3\xa9\x7f\"]",
     };
-    for (size_t i = 0; i < sizeof right / sizeof right[0]; i++) {
+    for (size_t i = 0; i < sizeof right / sizeof right[0]; ++i) {
         char* error = error_of(right[i], strlen(right[i]));
         assert_string_equal(error, "");
         free(error);
@@ -158,7 +158,7 @@ static void test_depth_is_bounded(void** state)
 {
     (void)state;
     char text[2100];
-    for (int depth = 999; depth <= 1001; depth++) {
+    for (int depth = 999; depth <= 1001; ++depth) {
         memset(text, '[', (size_t)depth);
         memset(text + depth, ']', (size_t)depth);
         char* error = error_of(text, 2 * (size_t)depth);
@@ -274,11 +274,11 @@ static void test_any_slip_in_a_file_is_told_in_one_line(void** state)
     (void)state;
     test_rng rng = test_rng_seeded("json");
     static const char SLIPS[] = "{}[]\",:\\'/-+.0eE1tfnu \t\n\x01\x7f\xc3\xff";
-    for (uint32_t i = 0; i < test_rounds(20000); i++) {
+    for (uint32_t i = 0; i < test_rounds(20000); ++i) {
         char   text[sizeof GOOD + 4];
         size_t size = sizeof GOOD - 1;
         memcpy(text, GOOD, sizeof GOOD);
-        for (uint32_t slips = 1 + test_rng_below(&rng, 3); slips > 0; slips--) {
+        for (uint32_t slips = 1 + test_rng_below(&rng, 3); slips > 0; --slips) {
             const uint32_t at = test_rng_below(&rng, (uint32_t)size);
             const char     slip = SLIPS[test_rng_below(&rng, sizeof SLIPS - 1)];
             switch (test_rng_below(&rng, 3)) {
@@ -317,7 +317,7 @@ static void test_a_path_starts_in_the_folder_of_its_file(void** state)
         { "here/a.json", "b.json", "here/b.json" }, { "a.json", "b.json", "b.json" },
         { "/x/y/a.json", "../b.json", "/x/y/../b.json" }, { "here/a.json", "/b.json", "/b.json" },
     };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         char      text[64];
         json_file file;
         snprintf(text, sizeof text, "{\"p\": \"%s\"}", cases[i].path);

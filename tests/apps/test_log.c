@@ -62,7 +62,7 @@ static void test_only_what_json_spells_as_a_number_is_one(void** state)
         "12345678901234567890", "lcm:udpm://239.255.76.67:7667?ttl=0",
     };
     log_setup(LOG_JSON);
-    for (size_t i = 0; i < sizeof VALUES / sizeof VALUES[0]; i++) {
+    for (size_t i = 0; i < sizeof VALUES / sizeof VALUES[0]; ++i) {
         static char event[sizeof VALUES / sizeof VALUES[0]][8];
         snprintf(event[i], sizeof event[i], "v%zu", i); // a rate of its own for each
         catch_lines();
@@ -85,10 +85,10 @@ static void test_any_words_stay_on_one_line_that_parses(void** state)
 {
     (void)state;
     static char event[40][8];
-    for (int i = 0; i < 40; i++) {
+    for (int i = 0; i < 40; ++i) {
         char words[1200];
         const int length = i * 29;
-        for (int k = 0; k < length; k++) {
+        for (int k = 0; k < length; ++k) {
             words[k] = (char)(1 + (k * 7 + i) % 126);
         }
         words[length] = '\0';
@@ -96,7 +96,7 @@ static void test_any_words_stay_on_one_line_that_parses(void** state)
         assert_null(strchr(words, '\n'));
         assert_null(strchr(words, '"'));
         snprintf(event[i], sizeof event[i], "w%d", i);
-        for (int format = LOG_TEXT; format <= LOG_JSON; format++) {
+        for (int format = LOG_TEXT; format <= LOG_JSON; ++format) {
             log_setup((log_format)format);
             catch_lines();
             log_event(LOG_INFO, event[i], "words=\"%s\" after=1", words);
@@ -118,12 +118,12 @@ static void test_a_flood_is_held_back_and_counted(void** state)
     (void)state;
     log_setup(LOG_TEXT);
     catch_lines();
-    for (int i = 0; i < 1000; i++) {
+    for (int i = 0; i < 1000; ++i) {
         log_event(LOG_ERROR, "flood", "i=%d", i);
     }
     const char* text = caught();
     int lines = 0;
-    for (const char* c = text; *c != '\0'; c++) {
+    for (const char* c = text; *c != '\0'; ++c) {
         lines += *c == '\n' ? 1 : 0;
     }
     assert_true(lines >= LOG_BURST && lines < 500); // more than a burst where a second has passed
@@ -132,8 +132,8 @@ static void test_a_flood_is_held_back_and_counted(void** state)
 static unsigned count_of(const char* text, const char* words)
 {
     unsigned count = 0;
-    for (const char* at = text; (at = strstr(at, words)) != NULL; at++) {
-        count++;
+    for (const char* at = text; (at = strstr(at, words)) != NULL; ++at) {
+        ++count;
     }
     return count;
 }
@@ -143,8 +143,8 @@ static void test_an_event_that_goes_on_is_logged_once_a_cause_in_ten_seconds(voi
     (void)state;
     log_setup(LOG_TEXT);
     catch_lines();
-    for (int i = 0; i < 1000; i++) {
-        for (uint32_t cause = 0; cause < 3; cause++) {
+    for (int i = 0; i < 1000; ++i) {
+        for (uint32_t cause = 0; cause < 3; ++cause) {
             log_repeated(LOG_ERROR, "goes-on", cause, "cause=%u i=%d", cause, i);
         }
     }
@@ -158,7 +158,7 @@ static void test_many_causes_at_once_do_not_flood_the_log(void** state)
     (void)state;
     log_setup(LOG_TEXT);
     catch_lines();
-    for (uint32_t cause = 0; cause < 5000; cause++) {
+    for (uint32_t cause = 0; cause < 5000; ++cause) {
         log_repeated(LOG_ERROR, "causes", cause, "cause=%u", cause);
     }
     const unsigned lines = count_of(caught(), "event=causes");
@@ -172,7 +172,7 @@ static void test_what_was_held_back_is_told_with_the_next_line(void** state)
     catch_lines();
     unsigned calls = 0;
     const char* text = "";
-    for (; strstr(text, "held_back=") == NULL; calls++) {
+    for (; strstr(text, "held_back=") == NULL; ++calls) {
         log_event(LOG_ERROR, "held", "%s", "");
         usleep(1000);
         text = caught();
@@ -190,7 +190,7 @@ static unsigned pour(int reader, char* text)
     const ssize_t got = read(reader, text + size, PIPED_MAX - 1 - size);
     text[size + (size_t)(got > 0 ? got : 0)] = '\0';
     unsigned lines = 0;
-    for (const char* c = text; *c != '\0'; c++) {
+    for (const char* c = text; *c != '\0'; ++c) {
         lines += *c == '\n' ? 1 : 0;
     }
     return lines;
@@ -198,7 +198,7 @@ static unsigned pour(int reader, char* text)
 
 static void wait_for_lines(int reader, char* text, unsigned lines)
 {
-    for (int tries = 0; pour(reader, text) < lines; tries++) {
+    for (int tries = 0; pour(reader, text) < lines; ++tries) {
         if (tries >= 20000) {
             fail_msg("%u lines of %u", pour(reader, text), lines);
         }
@@ -211,7 +211,7 @@ static void log_many(unsigned count)
 {
     static char event[40000][8];
     static unsigned next;
-    for (unsigned i = 0; i < count; i++, next++) {
+    for (unsigned i = 0; i < count; i++, ++next) {
         snprintf(event[next], sizeof event[next], "n%u", next);
         log_event(LOG_INFO, event[next], "filler=\"%0100d\"", 0);
     }
@@ -228,7 +228,7 @@ static void check_piped(const char* text, uint64_t put, uint64_t dropped)
         if (sscanf(line, tells, &more) == 1) {
             told += more;
         } else {
-            lines++;
+            ++lines;
         }
     }
     assert_int_equal(lines, put - dropped);
@@ -303,7 +303,7 @@ static void test_the_journal_is_told_by_device_and_inode(void** state)
     const struct { const char* stream; bool journal; } CASES[] = {
         { name, true }, { "0:0", false }, { "", false }, { "nonsense", false }, { "1", false },
     };
-    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; i++) {
+    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; ++i) {
         setenv("JOURNAL_STREAM", CASES[i].stream, 1);
         static char event[5][8];
         snprintf(event[i], sizeof event[i], "j%zu", i);

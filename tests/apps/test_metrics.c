@@ -59,7 +59,7 @@ static void put(stage* self, uint32_t index, double x, double y, double heading,
 static void tick(stage* self)
 {
     metrics_tick(&self->metrics, &self->world);
-    self->world.tick++;
+    ++self->world.tick;
 }
 
 static void test_finish_and_reached_times_are_first_instants(void** state)
@@ -68,7 +68,7 @@ static void test_finish_and_reached_times_are_first_instants(void** state)
     stage self;
     open_stage(&self);
     const double ys[] = { 0.0, 1.9, 2.1, 3.4, 3.6, 2.9, 0.0 }; // in lane 1 from 2.0, close from 3.5
-    for (uint32_t i = 0; i < 7; i++) {
+    for (uint32_t i = 0; i < 7; ++i) {
         put(&self, 1, 50.0 + i, ys[i], 0.0, 10.0);
         assert_false(i <= 3 && metrics_success(&self.metrics));
         tick(&self);
@@ -93,7 +93,7 @@ static void test_a_contact_counts_once_and_ends_success_only_with_a_controlled_v
     tick(&self);
     assert_true(metrics_success(&self.metrics));
     CHECK_NEAR(self.metrics.min_distance, 45.0, 1e-9);
-    for (uint32_t i = 0; i < 3; i++) { // in contact, apart, in contact again
+    for (uint32_t i = 0; i < 3; ++i) { // in contact, apart, in contact again
         put(&self, 0, i == 1 ? 10.0 : 46.0, 0.0, 0.0, 10.0);
         tick(&self);
     }
@@ -159,7 +159,7 @@ static void test_success_wants_nobody_standing_without_a_cause_at_the_end(void**
         { 851.0, 0.0, -300.0, 0.0, true, "the end of the road" },
         { 849.0, 0.0, -300.0, 0.0, false, "too far from the end of the road" },
     };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         stage self;
         open_content(&self);
         put(&self, 0, cases[i].x, 0.0, 0.0, cases[i].speed);
@@ -182,7 +182,7 @@ static void test_time_to_collision_is_gap_over_closing_speed_in_any_direction(vo
 {
     (void)state;
     test_rng rng = test_rng_seeded("ttc");
-    for (uint32_t round = 0; round < test_rounds(300); round++) {
+    for (uint32_t round = 0; round < test_rounds(300); ++round) {
         stage self;
         open_stage(&self);
         const double heading = test_rng_between(&rng, -3.14159, 3.14159);
@@ -270,18 +270,18 @@ static void test_a_percentile_is_the_smallest_value_enough_others_do_not_exceed(
     (void)state;
     test_rng rng = test_rng_seeded("percentile");
     assert_true(isnan(percentile(NULL, 0, 0.5)));
-    for (uint32_t round = 0; round < test_rounds(500); round++) {
+    for (uint32_t round = 0; round < test_rounds(500); ++round) {
         double         values[40];
         const uint32_t count = 1 + test_rng_below(&rng, 40);
         const double   share = round % 3 == 0 ? 0.99 : round % 3 == 1 ? 0.5 : 1.0;
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < count; ++i) {
             values[i] = test_rng_below(&rng, 10);
         }
         qsort(values, count, sizeof values[0], by_value);
         double oracle = values[count - 1];
         for (uint32_t i = count; i-- > 0;) { // from the largest down, while enough stay below
             uint32_t not_above = 0;
-            for (uint32_t k = 0; k < count; k++) {
+            for (uint32_t k = 0; k < count; ++k) {
                 not_above += values[k] <= values[i];
             }
             if ((double)not_above >= share * (double)count) {

@@ -38,7 +38,7 @@ static void test_the_manager_hears_lines_at_a_path_or_an_abstract_name(void** st
     char abstract[64];
     snprintf(abstract, sizeof abstract, "@verge-test-%d", (int)getpid());
     const char* const names[] = { path_of("notify"), abstract };
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; ++i) {
         struct sockaddr_un address = { .sun_family = AF_UNIX };
         const size_t length = strlen(names[i]);
         memcpy(address.sun_path, names[i], length);
@@ -56,7 +56,7 @@ static void test_the_manager_hears_lines_at_a_path_or_an_abstract_name(void** st
         notify_status(&self, "well"); // nothing new
         notify_status(&self, "better");
         const char* const expected[] = { "READY=1", "STATUS=well", "STATUS=better" };
-        for (int k = 0; k < 3; k++) {
+        for (int k = 0; k < 3; ++k) {
             char words[64] = "";
             assert_true(recv(fd, words, sizeof words - 1, 0) > 0);
             assert_string_equal(words, expected[k]);
@@ -79,7 +79,7 @@ static void test_the_watchdog_is_ours_where_it_says_so(void** state)
         { "0", NULL, 0 },       { "soon", NULL, 0 },          { "3000000x", NULL, 0 },
         { "-5", NULL, 0 },
     };
-    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; i++) {
+    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; ++i) {
         CASES[i].usec != NULL ? setenv("WATCHDOG_USEC", CASES[i].usec, 1)
                               : unsetenv("WATCHDOG_USEC");
         CASES[i].pid != NULL ? setenv("WATCHDOG_PID", CASES[i].pid, 1) : unsetenv("WATCHDOG_PID");
@@ -104,7 +104,7 @@ static void test_a_name_that_is_unusable_is_told_and_then_ignored(void** state)
     const struct { const char* name; bool usable; } CASES[] = {
         { NULL, true }, { "", true }, { "relative/path", false }, { longest, false },
     };
-    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; i++) {
+    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; ++i) {
         CASES[i].name != NULL ? setenv("NOTIFY_SOCKET", CASES[i].name, 1)
                               : unsetenv("NOTIFY_SOCKET");
         notify self;
@@ -122,7 +122,7 @@ static void test_a_manager_that_does_not_read_holds_up_nobody(void** state)
     const int fd = manager_at(path_of("deaf"));
     notify self;
     assert_true(notify_open(&self));
-    for (int i = 0; i < 20000; i++) { // more than its queue has room for
+    for (int i = 0; i < 20000; ++i) { // more than its queue has room for
         notify_send(&self, "WATCHDOG=1");
     }
     close(fd);

@@ -53,7 +53,7 @@ static result parse(const char* argument, const char* const* words)
     const program self = { "verge-x", argument, "does x.", table, 3, WRONG };
     char* argv[WORDS_MAX + 2] = { (char*)"verge-x" };
     int   argc = 1;
-    for (; words[argc - 1] != NULL; argc++) {
+    for (; words[argc - 1] != NULL; ++argc) {
         argv[argc] = (char*)words[argc - 1];
     }
     FILE* errors = tmpfile();
@@ -74,7 +74,7 @@ static void test_options_and_the_argument_come_in_any_order(void** state)
         { "a.json", "--out", "o", "--quiet", NULL }, { "--out", "o", "a.json", "--quiet", NULL },
         { "--quiet", "--out=o", "a.json", NULL },    { "--out=o", "--quiet", "--", "a.json", NULL },
     };
-    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
+    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; ++i) {
         const result r = parse("FILE", lines[i]);
         assert_true(r.parsed);
         assert_string_equal(r.out, "o");
@@ -88,7 +88,7 @@ static void test_a_value_may_be_anything(void** state)
 {
     (void)state;
     const char* const values[] = { "", "-1", "--quiet", "a=b", "=", "a b" };
-    for (size_t i = 0; i < sizeof values / sizeof values[0]; i++) {
+    for (size_t i = 0; i < sizeof values / sizeof values[0]; ++i) {
         char joined[32];
         snprintf(joined, sizeof joined, "--out=%s", values[i]);
         const result one = PARSE(NULL, joined);
@@ -129,7 +129,7 @@ static void test_a_wrong_command_line_is_one_line_and_its_status(void** state)
         { NULL, { "--quiet", "--out" },
           "verge-x:--out: a value is missing, expected one after it\n" },
     };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         const result r = parse(cases[i].argument, cases[i].words);
         assert_false(r.parsed);
         assert_int_equal(r.status, WRONG);
@@ -146,7 +146,7 @@ static void test_help_and_version_end_well_wherever_they_stand(void** state)
     assert_int_equal(help.status, 0);
     const char* const parts[] = { "usage: verge-x [options] FILE\n", "does x.", "--out FILE",
                                   "writes there", "--seed N", "--quiet", "--help", "--version" };
-    for (size_t i = 0; i < sizeof parts / sizeof parts[0]; i++) {
+    for (size_t i = 0; i < sizeof parts / sizeof parts[0]; ++i) {
         assert_non_null(strstr(help.shown, parts[i]));
     }
     const result version = PARSE("FILE", "--version");
@@ -166,7 +166,7 @@ static void test_a_number_is_digits_alone_and_fits(void** state)
         { "+1", false, 0 }, { " 1", false, 0 }, { "1 ", false, 0 }, { "1.0", false, 0 },
         { "0x10", false, 0 }, { "1e3", false, 0 }, { "one", false, 0 },
     };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         uint64_t value = 99;
         bool     given = false;
         char     printed[256];

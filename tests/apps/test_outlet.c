@@ -63,7 +63,7 @@ static outlet* open_outlet(bool open)
 
 static void wait_until_idle(outlet* self)
 {
-    for (int tries = 0; !outlet_idle(self); tries++) {
+    for (int tries = 0; !outlet_idle(self); ++tries) {
         assert_true(tries < 20000);
         usleep(1000);
     }
@@ -83,7 +83,7 @@ static void test_records_come_out_whole_and_in_order(void** state)
     outlet* self = open_outlet(true);
     static char expected[WRITTEN_MAX];
     size_t size = 0;
-    for (int i = 0; i < 5000; i++) {
+    for (int i = 0; i < 5000; ++i) {
         char record[RECORD_MAX + 1];
         const size_t length = record_of(i, record);
         while (!outlet_put(self, record, length)) { // the ring goes round some hundred times
@@ -102,7 +102,7 @@ static void test_putting_drops_and_counts_while_the_writer_waits(void** state)
     (void)state;
     outlet* self = open_outlet(false);
     uint64_t refused = 0, put = 0;
-    for (int i = 0; i < 1000; i++) {
+    for (int i = 0; i < 1000; ++i) {
         refused += outlet_put(self, "0123456789", 10) ? 0 : 1;
     }
     put = 1000 - refused;
@@ -124,7 +124,7 @@ static void test_what_the_writer_loses_is_counted(void** state)
     (void)state;
     outlet* self = open_outlet(true);
     turn(true, true);
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; ++i) {
         assert_true(outlet_put(self, "lost", 4));
     }
     wait_until_idle(self);
@@ -143,7 +143,7 @@ static void test_closing_writes_what_waits_or_gives_up_in_time(void** state)
     assert_true(outlet_put(self, "second", 6));
     assert_false(outlet_close(self, 1000)); // the thread is left behind, and may still write
     turn(true, false);
-    for (int tries = 0; tries < 20000; tries++) {
+    for (int tries = 0; tries < 20000; ++tries) {
         pthread_mutex_lock(&water.lock);
         const size_t size = water.size;
         pthread_mutex_unlock(&water.lock);

@@ -22,7 +22,7 @@ typedef struct site {
 static site site_make(double radius, double direction)
 {
     static double points[POINTS][2];
-    for (int i = 0; i < POINTS; i++) {
+    for (int i = 0; i < POINTS; ++i) {
         const double angle = direction * 1.5 * PI * i / (POINTS - 1);
         points[i][0] = radius * cos(angle);
         points[i][1] = radius * sin(angle);
@@ -64,7 +64,7 @@ static void check_plan(const verge_vehicle_plan_t* plan, const char* words)
     if (fault != NULL) {
         fail_msg("%s: %s", words, fault);
     }
-    for (int32_t k = 1; k < plan->point_count; k++) {
+    for (int32_t k = 1; k < plan->point_count; ++k) {
         const verge_plan_point_t *a = &plan->points[k - 1], *b = &plan->points[k];
         const double expected = 0.05 * ((double)a->speed + (double)b->speed);
         const double distance = hypot(b->x - a->x, b->y - a->y);
@@ -79,7 +79,7 @@ static void test_beside_the_centreline_of_a_bend_points_are_as_far_apart_as_spee
 {
     (void)state;
     static const double RADII[] = { 8.0, 12.0, 20.0, 50.0, 200.0 };
-    for (size_t r = 0; r < sizeof RADII / sizeof RADII[0]; r++) {
+    for (size_t r = 0; r < sizeof RADII / sizeof RADII[0]; ++r) {
         for (double direction = -1.0; direction <= 1.0; direction += 2.0) {
             site self = site_make(RADII[r], direction);
             const verge_road* road = verge_planner_road(self.planner);

@@ -62,7 +62,7 @@ static uint64_t events_in(const char* path, int64_t* last_cycle)
     *last_cycle = -1;
     while (!transport_ended(log)) {
         const uint32_t got = transport_drain(log, messages, 64);
-        for (uint32_t i = 0; i < got; i++) {
+        for (uint32_t i = 0; i < got; ++i) {
             assert_true(messages[i].arrival_utime >= *last_cycle);
             *last_cycle = messages[i].arrival_utime;
         }
@@ -75,7 +75,7 @@ static uint64_t events_in(const char* path, int64_t* last_cycle)
 
 static void wait_until(bool (*holds)(const recorder*, uint64_t), const recorder* self, uint64_t n)
 {
-    for (int tries = 0; !holds(self, n); tries++) {
+    for (int tries = 0; !holds(self, n); ++tries) {
         assert_true(tries < 20000);
         usleep(1000);
     }
@@ -95,7 +95,7 @@ static void test_a_file_holds_every_event(void** state)
 {
     (void)state;
     recorder* self = open_recorder(file);
-    for (int64_t cycle = 1; cycle <= 200; cycle++) {
+    for (int64_t cycle = 1; cycle <= 200; ++cycle) {
         put_mark(self, cycle);
         put_plan(self, cycle);
     }
@@ -138,7 +138,7 @@ static void test_a_reader_that_stops_costs_counted_events_and_no_time(void** sta
     pour(reader, out);
     const uint64_t dropped = recorder_dropped(self);
     put_mark(self, (int64_t)put);
-    put += 1;
+    ++put;
     pour(reader, out);
     assert_int_equal(recorder_dropped(self), dropped); // and works again
     assert_int_equal(recorder_fault(self), 0);
@@ -174,7 +174,7 @@ static void test_closing_gives_up_on_a_reader_that_stops(void** state)
     const pid_t child = fork(); // its thread is left waiting, and ends with it
     if (child == 0) {
         recorder* self = open_recorder(fifo);
-        for (int64_t cycle = 1; cycle <= 1000; cycle++) {
+        for (int64_t cycle = 1; cycle <= 1000; ++cycle) {
             put_mark(self, cycle);
             put_plan(self, cycle);
         }

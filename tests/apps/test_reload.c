@@ -24,10 +24,10 @@ static void write_road(FILE* out, bool large)
 {
     const int lanes = large ? LANES : 1, points = large ? POINTS : 2;
     fprintf(out, "{ \"lanes\": [");
-    for (int lane = 0; lane < lanes; lane++) {
+    for (int lane = 0; lane < lanes; ++lane) {
         fprintf(out, "%s{ \"id\": %d, \"width\": 3.5, \"speed_limit\": 20, \"left\": null, "
                 "\"right\": null, \"centerline\": [", lane == 0 ? "" : ", ", lane);
-        for (int i = 0; i < points; i++) {
+        for (int i = 0; i < points; ++i) {
             fprintf(out, "%s[%d, %d]", i == 0 ? "" : ", ", i * 1000 / (points - 1), lane * 50);
         }
         fprintf(out, "] }");
@@ -88,7 +88,7 @@ static unsigned settle(reloader* self)
     while (self->phase != RELOAD_IDLE) {
         if (reloader_next(self) != NULL) {
             reloader_install(self);
-            installed++;
+            ++installed;
             continue;
         }
         struct pollfd end = { .fd = reloader_fd(self), .events = POLLIN };
@@ -146,7 +146,7 @@ static void test_a_wrong_one_is_refused_with_the_reason_and_changes_nothing(void
         { "tcp:1", "", "bus" },
         { "log:/none/here", "", "/none/here" },
     };
-    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; i++) {
+    for (size_t i = 0; i < sizeof CASES / sizeof CASES[0]; ++i) {
         write_config(2, CASES[i].bus, false, CASES[i].planner);
         const uint64_t ticket = reloader_ask(&self);
         assert_int_equal(wait_for_result(&self), RELOAD_REFUSED);
@@ -178,7 +178,7 @@ static void test_what_is_asked_for_meanwhile_happens_once_after_it(void** state)
     write_config(2, "loop:", false, "");
     const uint64_t first = reloader_ask(&self);
     uint64_t second = 0;
-    for (int i = 0; i < 5; i++) {
+    for (int i = 0; i < 5; ++i) {
         const uint64_t ticket = reloader_ask(&self);
         assert_true(ticket > first && (second == 0 || ticket == second));
         second = ticket;
@@ -237,7 +237,7 @@ static void test_the_caller_has_no_part_in_the_work(void** state)
     open_both(&now, &self);
     const double process = processor_s(CLOCK_PROCESS_CPUTIME_ID);
     const double caller = processor_s(CLOCK_THREAD_CPUTIME_ID);
-    for (int i = 0; i < 5; i++) {
+    for (int i = 0; i < 5; ++i) {
         reloader_ask(&self);
         assert_int_equal(wait_for_result(&self), RELOAD_ACCEPTED);
         assert_int_equal(settle(&self), 1);

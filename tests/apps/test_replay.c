@@ -108,8 +108,8 @@ static outcome* replay(const config* config, const char* name, const char* recor
                   "{\"cycle\":%" SCNd64 ",\"utime\":%" SCNd64 ",\"digest\":\"%" SCNx64
                   "\",\"vehicles\":%u}\n",
                   &at->cycle, &at->utime, &at->digest, &at->vehicles) == 4) {
-        result->count++;
-        at++;
+        ++result->count;
+        ++at;
     }
     fclose(out);
     assert_int_equal(result->code, 0);
@@ -120,8 +120,8 @@ static outcome* replay(const config* config, const char* name, const char* recor
 /// Three vehicles at 10 Hz, arriving 7 ms after their fix, from `from` for `seconds`.
 static void log_drive(transport* log, int64_t from, int seconds)
 {
-    for (int tick = 0; tick < 10 * seconds; tick++) {
-        for (int32_t id = 0; id < 3; id++) {
+    for (int tick = 0; tick < 10 * seconds; ++tick) {
+        for (int32_t id = 0; id < 3; ++id) {
             const int64_t utime = from + tick * 100000;
             log_state(log, id, utime, utime + 7000 + id);
         }
@@ -139,7 +139,7 @@ static void test_a_foreign_log_is_planned_at_multiples_of_the_cycle(void** state
     const outcome* result = replay(config, "foreign.log", NULL);
     // First state at 37 ms, last at 3.939 s: from 0.2 s to 4.0 s.
     assert_int_equal(result->count, 20);
-    for (uint32_t i = 0; i < result->count; i++) {
+    for (uint32_t i = 0; i < result->count; ++i) {
         assert_int_equal(result->lines[i].cycle, i);
         assert_true(result->lines[i].utime == EPOCH + (int64_t)(i + 1) * PERIOD_US);
         assert_int_equal(result->lines[i].vehicles, 3);
@@ -230,7 +230,7 @@ static void copy_changed(const char* name, int64_t cycle, bool drop)
     bool dropped = false;
     while (!transport_ended(from)) {
         const uint32_t count = transport_drain(from, batch, 16);
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; i < count; ++i) {
             const bool here = batch[i].kind == TRANSPORT_PLAN && batch[i].as.plan.cycle == cycle;
             if (here && drop && !dropped) {
                 dropped = true;
@@ -306,7 +306,7 @@ static int remove_folder(void** state)
     static const char* const NAMES[] = { "rsu.json",  "foreign.log", "gap.log",  "marked.log",
                                          "same.log",  "digest.log",  "lost.log", "cut.log",
                                          "edge.log" };
-    for (unsigned i = 0; i < sizeof NAMES / sizeof NAMES[0]; i++) {
+    for (unsigned i = 0; i < sizeof NAMES / sizeof NAMES[0]; ++i) {
         remove(path_of(NAMES[i]));
     }
     return rmdir(folder);

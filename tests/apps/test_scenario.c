@@ -117,12 +117,12 @@ static void test_numbers_are_spelled_as_json_spells_them(void** state)
     static const char* const wrong[] = { "15.",   "015",   "+15",  ".15",  "0x1f", "-.5", "-",
                                          "1.e1",  "1e",    "1e+",  "00",   "-01",  "1.5.2",
                                          "1-2",   "1e1.5", "0e-",  "15f",  "1_5",  "Infinity" };
-    for (uint32_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (uint32_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
         refused("15.0", wrong[i], "a.json:9: ");
     }
     static const char* const right[] = { "15", "0", "-0", "0.5", "1e1", "1E+1", "1.5e-0", "0e7",
                                          "-0.0e-1" };
-    for (uint32_t i = 0; i < sizeof right / sizeof right[0]; i++) {
+    for (uint32_t i = 0; i < sizeof right / sizeof right[0]; ++i) {
         scenario scene;
         char*    text = changed("15.0", right[i]);
         const bool good = parse(&scene, text);
@@ -166,7 +166,7 @@ static void test_an_object_has_a_bounded_number_of_keys(void** state)
     enum { KEYS = 60000, ROOM = 16 };
     char*  text = malloc(KEYS * ROOM + 64);
     size_t used = (size_t)sprintf(text, "{ \"planner\": {");
-    for (uint32_t i = 0; i < KEYS; i++) {
+    for (uint32_t i = 0; i < KEYS; ++i) {
         used += (size_t)sprintf(text + used, "%s\"k%u\": 1", i == 0 ? "" : ",", i);
         if (i + 1 == JSON_KEYS_MAX || i == JSON_KEYS_MAX || i + 1 == KEYS) {
             char end[4] = "} }";
@@ -214,7 +214,7 @@ static void test_a_body_is_a_kind_or_an_object_of_its_numbers(void** state)
         { "\"length\": 5.0, \"width\": 2.0, \"body\": { \"hitch\": 3, \"trailer_length\": 4,"
           " \"trailer_width\": 2, \"trailer_axle\": 3 }", 5.0, 1.4227, 2.5789, 4.0 },
     };
-    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+    for (size_t i = 0; i < sizeof good / sizeof *good; ++i) {
         scenario scene;
         char*    text = changed("\"length\": 5.0, \"width\": 2.0", good[i].to);
         if (!parse(&scene, text)) {
@@ -250,7 +250,7 @@ static void test_a_body_that_cannot_be_is_refused_by_its_field(void** state)
         { "\"length\": 16.5, \"width\": 2.5, \"body\": \"articulated\"",
           "vehicles[0].length: makes a tractor of 16.5 m" },
     };
-    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; ++i) {
         refused("\"length\": 5.0, \"width\": 2.0", wrong[i][0], wrong[i][1]);
     }
     refused("\"length\": 5.0, ", "", "vehicles[0].length: is missing");
@@ -324,7 +324,7 @@ static void test_damaged_documents_never_get_past_the_line(void** state)
     (void)state;
     test_rng rng = test_rng_seeded("damage");
     uint32_t refusals = 0;
-    for (uint32_t round = 0; round < test_rounds(3000); round++) {
+    for (uint32_t round = 0; round < test_rounds(3000); ++round) {
         char   text[sizeof GOOD];
         size_t size = sizeof GOOD - 1;
         memcpy(text, GOOD, size + 1);
@@ -336,14 +336,14 @@ static void test_damaged_documents_never_get_past_the_line(void** state)
             text[at] = (char)test_rng_below(&rng, 256);
         } else {
             memmove(text + at, text + at + 1, size - at);
-            size--;
+            --size;
         }
         scenario scene;
         if (scenario_parse(&scene, "a.json", text, size, NULL)) {
             scenario_free(&scene); // the damage hit a name or a digit
         } else {
             check_one_line(scene.file.error);
-            refusals++;
+            ++refusals;
         }
     }
     assert_true(refusals > 0);
@@ -364,7 +364,7 @@ static void test_a_written_scenario_reads_back_the_same(void** state)
 {
     (void)state;
     const uint64_t seeds[] = { 0, 7, UINT64_C(1) << 53, (UINT64_C(1) << 53) + 1, UINT64_MAX };
-    for (uint32_t i = 0; i < sizeof seeds / sizeof seeds[0]; i++) {
+    for (uint32_t i = 0; i < sizeof seeds / sizeof seeds[0]; ++i) {
         scenario first, second;
         assert_true(scenario_parse(&first, "a.json", GOOD, sizeof GOOD - 1, &seeds[i]));
         char* once = written(&first);
@@ -386,7 +386,7 @@ static void test_numbers_read_back_bit_for_bit(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("numbers");
-    for (uint32_t round = 0; round < test_rounds(20000); round++) {
+    for (uint32_t round = 0; round < test_rounds(20000); ++round) {
         const uint64_t bits = test_rng_next(&rng);
         double         value;
         memcpy(&value, &bits, sizeof value);
@@ -415,7 +415,7 @@ static void test_a_track_is_exact_at_its_rows_and_ends_with_them(void** state)
     verge_vehicle at;
     assert_false(scenario_track_at(&vehicle, 0.9, &at));
     assert_false(scenario_track_at(&vehicle, 4.1, &at));
-    for (uint32_t i = 0; i < 3; i++) {
+    for (uint32_t i = 0; i < 3; ++i) {
         assert_true(scenario_track_at(&vehicle, rows[i].t, &at));
         CHECK_NEAR(at.x, rows[i].x, 1e-12);
         CHECK_NEAR(at.heading, rows[i].heading, 1e-12);
@@ -453,7 +453,7 @@ static void test_every_scenario_of_the_project_loads(void** state)
     (void)state;
     const char* const names[] = { "freeway-2av", "freeway-3av", "freeway-4av", "freeway-4av-2hv",
                                   "ramp-case1", "ramp-case2", "ramp-case3", "roundabout" };
-    for (uint32_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+    for (uint32_t i = 0; i < sizeof names / sizeof names[0]; ++i) {
         char path[512];
         snprintf(path, sizeof path, "%s/apps/scenarios/%s.json", VERGE_SOURCE_DIR, names[i]);
         scenario scene;

@@ -40,7 +40,7 @@ static bool on_request(void* context, const char* request, uint64_t* ticket, tex
     (*asked)++;
     if (request != NULL && strcmp(request, "later") == 0 && !due) {
         text_add(answer, "not to be sent");
-        *ticket += 1;
+        ++*ticket;
         return false;
     }
     if (request == NULL) {
@@ -85,7 +85,7 @@ static const char* answer_of(server* self, int fd, int64_t now)
 {
     static char got[ANSWER + 1];
     size_t size = 0;
-    for (int step = 0; step < STEPS; step++) {
+    for (int step = 0; step < STEPS; ++step) {
         server_serve(self, now);
         const ssize_t part = recv(fd, got + size, ANSWER - size, 0);
         size += part > 0 ? (size_t)part : 0;
@@ -160,7 +160,7 @@ static void test_more_clients_than_places_wait_their_turn(void** state)
     int asked = 0;
     server* self = open_server(path_of("c.sock"), &asked);
     int silent[SERVER_CLIENTS];
-    for (int i = 0; i < SERVER_CLIENTS; i++) {
+    for (int i = 0; i < SERVER_CLIENTS; ++i) {
         silent[i] = connect_to(path_of("c.sock"));
     }
     server_serve(self, 0);
@@ -170,7 +170,7 @@ static void test_more_clients_than_places_wait_their_turn(void** state)
     say(fd, "patient\n");
     assert_null(answer_of(self, fd, 1));
     assert_string_equal(answer_of(self, fd, 1 + SERVER_PATIENCE_US), "patient!\n");
-    for (int i = 0; i < SERVER_CLIENTS; i++) {
+    for (int i = 0; i < SERVER_CLIENTS; ++i) {
         close(silent[i]);
     }
     server_serve(self, 2 + SERVER_PATIENCE_US);
@@ -239,7 +239,7 @@ static void test_a_port_that_is_taken_is_refused(void** state)
     fcntl(fd, F_SETFL, O_NONBLOCK);
     say(fd, "GET /\r\nHost: x\r\n\r\n");
     const char* answer = NULL;
-    for (int i = 0; i < 1000 && answer == NULL; i++) {
+    for (int i = 0; i < 1000 && answer == NULL; ++i) {
         answer = answer_of(self, fd, 0);
     }
     assert_string_equal(answer, "GET /\r\nHost: x!\n");

@@ -18,7 +18,7 @@ enum { SETS = 1 << (RSU_FAULT_COUNT - 1) };
 static status with_faults(unsigned set, int64_t now)
 {
     status self = { .start_utime = 1 };
-    for (int fault = 1; fault < RSU_FAULT_COUNT; fault++) {
+    for (int fault = 1; fault < RSU_FAULT_COUNT; ++fault) {
         if ((set >> (fault - 1) & 1) != 0) {
             status_fault(&self, (rsu_fault)fault, now, false);
         }
@@ -29,14 +29,14 @@ static status with_faults(unsigned set, int64_t now)
 static void test_every_active_fault_is_listed_the_worst_first(void** state)
 {
     (void)state;
-    for (unsigned set = 0; set < SETS; set++) {
+    for (unsigned set = 0; set < SETS; ++set) {
         const status self = with_faults(set, 1000);
         const uint32_t faults = status_faults(&self, 2000);
         assert_int_equal(faults, set << 1);
         char names[RSU_FAULTS_SIZE], expected[RSU_FAULTS_SIZE] = "";
         rsu_fault_names(faults, names);
         rsu_fault worst = RSU_FAULT_NONE;
-        for (int fault = RSU_FAULT_COUNT - 1; fault > 0; fault--) {
+        for (int fault = RSU_FAULT_COUNT - 1; fault > 0; --fault) {
             if ((faults >> fault & 1) != 0) {
                 worst = worst == RSU_FAULT_NONE ? (rsu_fault)fault : worst;
                 strcat(expected, expected[0] != '\0' ? "," : "");
@@ -55,7 +55,7 @@ static void test_programs_get_the_same_list(void** state)
     static config config = { .cycle_ms = 500 };
     static cycle  cycle;
     static char   bytes[REPORT_SIZE];
-    for (unsigned set = 0; set < SETS; set++) {
+    for (unsigned set = 0; set < SETS; ++set) {
         const status self = with_faults(set, 0);
         const transport_stats bus = { .received = 0 };
         const verge_rsu_status_t message = status_message(&self, &config, &cycle, &bus, 1, 1);
@@ -71,7 +71,7 @@ static void test_programs_get_the_same_list(void** state)
         assert_int_equal(json_integer(&root, "log_dropped", 0, 100), 7);
         assert_int_equal(json_integer(&root, "record_dropped", 0, 100), 8);
         const cJSON* name = faults.node->child;
-        for (int fault = RSU_FAULT_COUNT - 1; fault > 0; fault--) {
+        for (int fault = RSU_FAULT_COUNT - 1; fault > 0; --fault) {
             if ((set >> (fault - 1) & 1) != 0) {
                 assert_string_equal(name->valuestring, message_rsu_fault(fault));
                 name = name->next;
@@ -83,7 +83,7 @@ static void test_programs_get_the_same_list(void** state)
         out = text_in(bytes, REPORT_METRICS_SIZE);
         report_metrics(&out, &message, &details, &cycle, &bus);
         assert_false(out.cut);
-        for (int fault = 1; fault < RSU_FAULT_COUNT; fault++) {
+        for (int fault = 1; fault < RSU_FAULT_COUNT; ++fault) {
             char line[80];
             snprintf(line, sizeof line, "\nverge_fault_active{fault=\"%s\"} %u\n",
                      message_rsu_fault(fault), set >> (fault - 1) & 1);

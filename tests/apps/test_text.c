@@ -17,7 +17,7 @@ static void test_what_does_not_fit_is_left_out_and_told(void** state)
 {
     (void)state;
     char buffer[16];
-    for (int length = 0; length < 40; length++) {
+    for (int length = 0; length < 40; ++length) {
         memset(buffer, 'x', sizeof buffer);
         text out = text_in(buffer, sizeof buffer);
         text_add(&out, "%.*s", length, "0123456789012345678901234567890123456789");
@@ -34,7 +34,7 @@ static void test_any_words_come_back_from_json(void** state)
 {
     (void)state;
     char words[256], buffer[2048];
-    for (int i = 0; i < 255; i++) {
+    for (int i = 0; i < 255; ++i) {
         words[i] = (char)(i < 126 ? i + 1 : 'a' + i % 26);
     }
     words[255] = '\0';
@@ -84,11 +84,11 @@ static void test_every_message_has_all_its_fields_and_fits(void** state)
     memset(&plan, 0x80, sizeof plan); // the longest numbers: negative, of many digits
     plan.action_count = 10;
     plan.point_count = 31;
-    for (int i = 0; i < 31; i++) {
+    for (int i = 0; i < 31; ++i) {
         plan.points[i] = (verge_plan_point_t){ -DBL_MAX / 3.0, -DBL_MIN / 3.0, -FLT_MIN / 3.0f,
                                                -FLT_MAX / 3.0f, -FLT_MIN / 3.0f, -FLT_MAX / 3.0f };
     }
-    for (int i = 0; i < 10; i++) {
+    for (int i = 0; i < 10; ++i) {
         plan.actions[i].speed = -FLT_MIN / 3.0f;
     }
     text out = text_in(buffer, sizeof buffer);
@@ -121,7 +121,7 @@ static void test_codes_have_names_and_others_are_unknown(void** state)
     assert_string_equal(message_plan_status(3), "cancelled");
     assert_string_equal(message_rsu_state(4), "stopping");
     assert_string_equal(message_rsu_fault(7), "planner");
-    for (int32_t code = 8; code < 12; code++) {
+    for (int32_t code = 8; code < 12; ++code) {
         assert_string_equal(message_rsu_fault(code), "unknown");
         assert_string_equal(message_rsu_state(-code), "unknown");
         assert_string_equal(message_plan_status(code), "unknown");

@@ -74,7 +74,7 @@ static void test_many_jobs_run_one_after_the_other(void** state)
     enum { JOBS = 2000 };
     worker* self = make_worker();
     door.passed = 0;
-    for (int i = 0; i < JOBS; i++) {
+    for (int i = 0; i < JOBS; ++i) {
         worker_start(self, wait_at_gate, &door);
         sem_post(&door.open);
         assert_true(readable(worker_fd(self), 20000));

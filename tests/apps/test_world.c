@@ -47,7 +47,7 @@ static void close_stage(stage* self)
 static verge_vehicle_plan random_plan(test_rng* rng)
 {
     verge_vehicle_plan plan = { .vehicle_id = 1, .point_count = 31 };
-    for (uint32_t i = 0; i < plan.point_count; i++) {
+    for (uint32_t i = 0; i < plan.point_count; ++i) {
         plan.points[i] = (verge_point){
             .t = 0.1 * i,
             .x = test_rng_between(rng, 10.0, 190.0),
@@ -68,10 +68,10 @@ static void test_a_controlled_vehicle_is_exactly_at_the_points_of_its_plan(void*
     test_rng rng = test_rng_seeded("points");
     stage    self;
     open_stage(&self);
-    for (uint32_t round = 0; round < 20; round++) {
+    for (uint32_t round = 0; round < 20; ++round) {
         const verge_vehicle_plan plan = random_plan(&rng);
         world_follow(&self.world, &plan, world_time(&self.world));
-        for (uint32_t i = 1; i < 30; i++) {
+        for (uint32_t i = 1; i < 30; ++i) {
             world_advance(&self.world);
             const world_vehicle* vehicle = &self.world.vehicles[0];
             const verge_point*   point = &plan.points[i];
@@ -95,7 +95,7 @@ static void test_between_two_points_it_is_on_the_line_between_them(void** state)
     open_stage(&self);
     const verge_vehicle_plan plan = random_plan(&rng);
     world_follow(&self.world, &plan, -0.125); // made an eighth of a second ago
-    for (uint32_t i = 1; i < 25; i++) {
+    for (uint32_t i = 1; i < 25; ++i) {
         world_advance(&self.world);
         const world_vehicle* vehicle = &self.world.vehicles[0];
         const verge_point*   a = &plan.points[i + 1];
@@ -113,7 +113,7 @@ static void test_without_a_plan_it_keeps_its_lane_and_its_speed(void** state)
     (void)state;
     stage self;
     open_stage(&self);
-    for (uint32_t i = 0; i < 50; i++) {
+    for (uint32_t i = 0; i < 50; ++i) {
         world_advance(&self.world);
     }
     const verge_vehicle* vehicle = &self.world.vehicles[0].state;
@@ -131,7 +131,7 @@ static void test_a_cancelled_plan_ends_in_standstill_on_the_lane(void** state)
     open_stage(&self);
     const verge_vehicle_plan cancelled = { .vehicle_id = 1, .status = VERGE_CANCELLED };
     world_follow(&self.world, &cancelled, 0.0);
-    for (uint32_t i = 0; i < 100; i++) {
+    for (uint32_t i = 0; i < 100; ++i) {
         world_advance(&self.world);
     }
     const verge_vehicle* vehicle = &self.world.vehicles[0].state;
@@ -146,7 +146,7 @@ static void test_a_recorded_vehicle_is_there_from_its_first_row_to_its_last(void
     (void)state;
     stage self;
     open_stage(&self);
-    for (uint32_t tick = 0; tick <= 20; tick++) {
+    for (uint32_t tick = 0; tick <= 20; ++tick) {
         const world_vehicle* vehicle = &self.world.vehicles[1];
         assert_int_equal(vehicle->present, tick >= 5 && tick <= 15);
         if (vehicle->present) {
@@ -165,7 +165,7 @@ static void test_who_drives_off_the_end_of_the_road_leaves(void** state)
     stage self;
     open_stage(&self);
     const world_vehicle* vehicle = &self.world.vehicles[2];
-    for (uint32_t tick = 0; tick < 20 && vehicle->present; tick++) {
+    for (uint32_t tick = 0; tick < 20 && vehicle->present; ++tick) {
         assert_true(vehicle->state.x <= 200.0);
         world_advance(&self.world);
     }
@@ -173,7 +173,7 @@ static void test_who_drives_off_the_end_of_the_road_leaves(void** state)
     assert_true(vehicle->left);
     verge_vehicle states[VERGE_VEHICLES_MAX];
     const uint32_t count = world_states(&self.world, states);
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < count; ++i) {
         assert_int_not_equal(states[i].id, 3);
     }
     close_stage(&self);
@@ -185,7 +185,7 @@ static const world_vehicle* send_off(stage* self, double heading)
     world_vehicle* vehicle = &self->world.vehicles[0];
     vehicle->state.heading = heading;
     verge_vehicle_plan plan = { .vehicle_id = 1, .point_count = 31 };
-    for (uint32_t i = 0; i < plan.point_count; i++) {
+    for (uint32_t i = 0; i < plan.point_count; ++i) {
         plan.points[i] = (verge_point){ .t = i, .x = 20.0 + 10.0 * i * cos(heading), .speed = 10.0,
                                         .y = 10.0 * i * sin(heading), .heading = heading };
     }
@@ -197,7 +197,7 @@ static void test_off_the_road_is_on_no_lane_and_not_past_its_end(void** state)
 {
     (void)state;
     const double headings[] = { 0.0, 0.2, -0.2, -1.5 };
-    for (uint32_t i = 0; i < 4; i++) {
+    for (uint32_t i = 0; i < 4; ++i) {
         stage self;
         open_stage(&self);
         const world_vehicle* vehicle = send_off(&self, headings[i]);
@@ -228,7 +228,7 @@ static void test_the_action_of_a_tick_is_the_step_active_then(void** state)
     plan.actions[0] = (verge_action_step){ .action = VERGE_ACCELERATE, .t0 = 0.0, .t1 = 1.0 };
     plan.actions[1] = (verge_action_step){ .action = VERGE_CHANGE_LEFT, .t0 = 1.0, .t1 = 2.0 };
     world_follow(&self.world, &plan, 0.0);
-    for (uint32_t tick = 0; tick < 25; tick++) {
+    for (uint32_t tick = 0; tick < 25; ++tick) {
         const verge_action_step* step = world_action(&self.world, &self.world.vehicles[0]);
         if (tick < 20) {
             assert_non_null(step);

@@ -55,11 +55,11 @@ static void test_every_cost_equals_the_straight_form(void** state)
     (void)state;
     test_rng rng = test_rng_seeded("cost");
     uint32_t near = 0;
-    for (uint32_t round = 0; round < test_rounds(40); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
         scene* w = random_batch(&rng);
         const verge_weights weights = random_weights(&rng);
         vg_batch_run(&batch, &w->def, &weights, &w->tracks, 0);
-        for (uint32_t i = 0; i < candidate_count(); i += 1) {
+        for (uint32_t i = 0; i < candidate_count(); ++i) {
             const verge_cost straight = vg_leg_cost(leg_of(i), offset_of(i), 0, batch.last, &w->def,
                                                     &weights, &w->tracks, 0, batch.in_lane);
             CHECK_NEAR(batch.costs[i], straight.total, 1e-9 * straight.total + 1e-9);
@@ -74,12 +74,12 @@ static void test_a_later_segment_costs_what_the_straight_form_says(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("later");
-    for (uint32_t round = 0; round < test_rounds(40); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
         scene* w = random_batch(&rng);
         batch.start = 7; // as if the legs began there, among the tracks of those instants
         batch.last = 7 + test_rng_below(&rng, 15) + 1;
         vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
-        for (uint32_t i = 0; i < candidate_count(); i += 1) {
+        for (uint32_t i = 0; i < candidate_count(); ++i) {
             const verge_cost straight =
                 vg_leg_cost(leg_of(i), offset_of(i), batch.start, batch.last, &w->def,
                             &plain_weights, &w->tracks, 0, batch.in_lane);
@@ -93,7 +93,7 @@ static void test_a_later_segment_costs_what_the_straight_form_says(void** state)
 static double worst_hard(const scene* w, uint32_t candidate)
 {
     double worst = 0.0;
-    for (uint32_t k = batch.start + 1; k <= batch.last; k += 1) {
+    for (uint32_t k = batch.start + 1; k <= batch.last; ++k) {
         const vg_row row = vg_leg_row(leg_of(candidate), w->def.point_s * (k - batch.start));
         const vg_rear rear = vg_rear_of(&row, offset_of(candidate));
         worst = fmax(worst, vg_hard_ratio(&w->limits, &rear, row.s_t));
@@ -105,13 +105,13 @@ static double worst_hard(const scene* w, uint32_t candidate)
 static double worst_comfort(const scene* w, uint32_t candidate)
 {
     double worst = 0.0;
-    for (uint32_t k = batch.start + 1; k <= batch.last; k += 1) {
+    for (uint32_t k = batch.start + 1; k <= batch.last; ++k) {
         const vg_row row = vg_leg_row(leg_of(candidate), w->def.point_s * (k - batch.start));
         const vg_rear rear = vg_rear_of(&row, offset_of(candidate));
         const double ratios[] = { rear.acceleration / 4.0, -rear.acceleration / 6.0,
                                   fabs(rear.speed * rear.speed * rear.curvature) / 4.0,
                                   fabs(rear.jerk) / 4.0 };
-        for (int i = 0; i < 4; i += 1) {
+        for (int i = 0; i < 4; ++i) {
             worst = fmax(worst, ratios[i]);
         }
     }
@@ -123,7 +123,7 @@ static void check_mark(uint32_t candidate, unsigned mark, double worst, uint32_t
     if (fabs(worst - 1.0) > 1e-9) {
         const bool broken = worst > 1.0;
         assert_int_equal((batch.marks[candidate] & mark) != 0, broken);
-        met[broken] += 1;
+        ++met[broken];
     }
 }
 
@@ -132,13 +132,13 @@ static void test_marks_say_which_limits_are_broken(void** state)
     (void)state;
     test_rng rng = test_rng_seeded("marks");
     uint32_t hard[2] = { 0 }, comfort[2] = { 0 };
-    for (uint32_t round = 0; round < test_rounds(40); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
         scene* w = random_batch(&rng);
-        for (uint32_t i = 0; i < batch.offset_count; i += 1) {
+        for (uint32_t i = 0; i < batch.offset_count; ++i) {
             batch.offsets[i] *= 3.0; // some farther than any car gets
         }
         vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
-        for (uint32_t i = 0; i < candidate_count(); i += 1) {
+        for (uint32_t i = 0; i < candidate_count(); ++i) {
             check_mark(i, VG_INFEASIBLE, worst_hard(w, i), hard);
             check_mark(i, VG_UNCOMFORTABLE, worst_comfort(w, i), comfort);
             assert_int_equal(batch.marks[i] & VG_TRIED, 0);
@@ -153,7 +153,7 @@ static void test_marks_say_which_limits_are_broken(void** state)
 static void drive(const scene* w, uint32_t candidate, verge_track* body)
 {
     *body = w->tracks.of[0];
-    for (uint32_t k = 0; k <= batch.last; k += 1) {
+    for (uint32_t k = 0; k <= batch.last; ++k) {
         const vg_row row = vg_leg_row(leg_of(candidate), w->def.point_s * k);
         const vg_rear rear = vg_rear_of(&row, offset_of(candidate));
         body->x[k] = rear.x + w->limits.rear_axle * rear.cos_heading;
@@ -176,7 +176,7 @@ static verge_track sudden(const scene* w, test_rng* rng)
     const double vy = spins ? 0.0 : -y / test_rng_between(rng, 0.5, 1.5); // over the road then
     const double heading = test_rng_between(rng, -3.1, 3.1);
     const double turn = spins ? test_rng_between(rng, -20.0, 20.0) : 0.0;
-    for (uint32_t k = 0; k < w->def.points; k += 1) {
+    for (uint32_t k = 0; k < w->def.points; ++k) {
         const double t = w->def.point_s * k;
         track.x[k] = x;
         track.y[k] = y + vy * t;
@@ -193,7 +193,7 @@ static void test_what_raises_no_alarm_touches_nobody(void** state)
     static verge_track body, guarded;
     test_rng rng = test_rng_seeded("alarm");
     uint32_t alarms = 0, contacts = 0;
-    for (uint32_t round = 0; round < test_rounds(600); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(600); ++round) {
         scene* w = random_batch(&rng);
         w->def.clearance = round % 3 ? 0.0 : test_rng_between(&rng, 0.0, 1.0);
         const uint32_t picked = 1 + test_rng_below(&rng, 8); // one other body: alarms do not mix
@@ -228,17 +228,17 @@ static void test_neighbours_in_the_loop_do_not_change_a_candidate(void** state)
     test_rng rng = test_rng_seeded("order");
     static double costs[TEST_CANDIDATES];
     static uint8_t marks[TEST_CANDIDATES];
-    for (uint32_t round = 0; round < test_rounds(40); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
         scene* w = random_batch(&rng);
         vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
         memcpy(costs, batch.costs, candidate_count() * sizeof costs[0]);
         memcpy(marks, batch.marks, candidate_count() * sizeof marks[0]);
         const uint32_t count = batch.offset_count;
         uint32_t came_from[VERGE_SAMPLE_OFFSETS_MAX];
-        for (uint32_t i = 0; i < count; i += 1) {
+        for (uint32_t i = 0; i < count; ++i) {
             came_from[i] = i;
         }
-        for (uint32_t i = 0; i < count; i += 1) { // shuffled: other eights than before
+        for (uint32_t i = 0; i < count; ++i) { // shuffled: other eights than before
             const uint32_t j = i + test_rng_below(&rng, count - i);
             const double offset = batch.offsets[i];
             const uint32_t from = came_from[i];
@@ -248,7 +248,7 @@ static void test_neighbours_in_the_loop_do_not_change_a_candidate(void** state)
             came_from[j] = from;
         }
         vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
-        for (uint32_t i = 0; i < candidate_count(); i += 1) {
+        for (uint32_t i = 0; i < candidate_count(); ++i) {
             const uint32_t before = i / count * count + came_from[i % count];
             CHECK_SAME_BITS(batch.costs[i], costs[before]);
             assert_int_equal(batch.marks[i], marks[before]);
@@ -265,7 +265,7 @@ static void test_the_own_track_is_no_obstacle(void** state)
     candidates_sample(w, false, w->def.points - 1, &batch, &path);
     const verge_weights weights = { .obstacle = 1.0 };
     vg_batch_run(&batch, &w->def, &weights, &w->tracks, 0);
-    for (uint32_t i = 0; i < candidate_count(); i += 1) {
+    for (uint32_t i = 0; i < candidate_count(); ++i) {
         CHECK_SAME_BITS(batch.costs[i], 0.0);
         assert_int_equal(batch.marks[i] & VG_ALARM, 0);
     }
@@ -282,7 +282,7 @@ static void test_what_is_not_a_number_is_infeasible_and_stays_alone(void** state
     memcpy(costs, batch.costs, candidate_count() * sizeof costs[0]);
     batch.offsets[3] = NAN;
     vg_batch_run(&batch, &w->def, &plain_weights, &w->tracks, 0);
-    for (uint32_t i = 0; i < candidate_count(); i += 1) {
+    for (uint32_t i = 0; i < candidate_count(); ++i) {
         if (i % batch.offset_count == 3) {
             assert_true((batch.marks[i] & VG_INFEASIBLE) != 0);
         } else {

@@ -14,7 +14,7 @@ static double slow_alert(const verge_planner_def* def, double length, double wid
 {
     double low[2] = { 1e9, 1e9 }, high[2] = { -1e9, -1e9 };
     const double angle = atan2(other->sin_heading[k], other->cos_heading[k]);
-    for (int i = 0; i < 4; i += 1) {
+    for (int i = 0; i < 4; ++i) {
         const double l = (i & 1 ? 1 : -1) * other->half_length;
         const double w = (i & 2 ? 1 : -1) * other->half_width;
         const double px = other->x[k] + l * cos(angle) - w * sin(angle) - x;
@@ -56,11 +56,11 @@ static pose slow_pose(const vg_leg* leg, double offset, double t)
 {
     const double h = 2e-3;
     double p[5][2];
-    for (int i = 0; i < 5; i += 1) {
+    for (int i = 0; i < 5; ++i) {
         slow_position(leg, offset, t + h * (i - 2), p[i]);
     }
     double v[2], a[2];
-    for (int i = 0; i < 2; i += 1) {
+    for (int i = 0; i < 2; ++i) {
         v[i] = (p[0][i] - 8 * p[1][i] + 8 * p[3][i] - p[4][i]) / (12 * h);
         a[i] = (p[1][i] - 2 * p[2][i] + p[3][i]) / (h * h);
     }
@@ -77,7 +77,7 @@ static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** s
     TEST_PATH(path);
     test_rng rng = test_rng_seeded("cost");
     uint32_t compared = 0;
-    for (uint32_t round = 0; round < test_rounds(20); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(20); ++round) {
         scene* w = candidates_scene(&rng);
         candidates_sample(w, true, w->def.points - 1, &batch, &path);
         const double axle = w->limits.rear_axle;
@@ -87,7 +87,7 @@ static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** s
             const double offset = batch.offsets[i % batch.offset_count];
             double cost = 0.0;
             at_edge = false;
-            for (uint32_t k = 1; k <= batch.last; k += 1) {
+            for (uint32_t k = 1; k <= batch.last; ++k) {
                 const double t = w->def.point_s * k;
                 const pose p = slow_pose(leg, offset, fmin(t, 2.995));
                 const vg_row row = vg_leg_row(leg, fmin(t, 2.995));
@@ -96,7 +96,7 @@ static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** s
                 cost += weights.curvature * p.k * p.k + weights.heading * off * off
                       + weights.acceleration * p.a * p.a;
                 const pose q = slow_pose(leg, offset, k == batch.last ? 2.9999 - 4e-3 : t);
-                for (uint32_t j = 1; j < w->tracks.count; j += 1) {
+                for (uint32_t j = 1; j < w->tracks.count; ++j) {
                     const vg_row end = vg_leg_row(leg, t);
                     const vg_rear rear = vg_rear_of(&end, offset);
                     const double heading = k == batch.last
@@ -113,7 +113,7 @@ static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** s
                 const verge_cost paid = vg_leg_cost(leg, offset, 0, batch.last, &w->def, &weights,
                                                     &w->tracks, 0, false);
                 CHECK_NEAR(paid.total, cost, 2e-3 * cost + 1e-3);
-                compared += 1;
+                ++compared;
             }
         }
         scene_free(w);

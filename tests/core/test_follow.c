@@ -47,7 +47,7 @@ static void test_braking_from_the_follow_speed_ends_at_the_gap(void** state)
     static pair p;
     test_rng rng = test_rng_seeded("follow");
     uint32_t drives = 0, stops = 0;
-    for (uint32_t round = 0; round < test_rounds(400); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(400); ++round) {
         const double speed = test_rng_between(&rng, 0.5, 15.0);
         const double a = test_rng_between(&rng, -1.0, 1.0);
         const double distance = test_rng_between(&rng, 7.5, 40.0);
@@ -68,10 +68,10 @@ static void test_braking_from_the_follow_speed_ends_at_the_gap(void** state)
         const double braking = (fmax(v, 0.0) * fmax(v, 0.0) - leader * leader) / (2.0 * b);
         if (v >= 0.0) {
             CHECK_NEAR(gap - braking, GAP, 0.02);
-            drives += 1;
+            ++drives;
         } else if (stop > 0.011 && stop < T && (a >= 0.0 || stop < 3.0 * speed / -a)) {
             CHECK_NEAR(gap - braking, GAP, 0.02);
-            stops += 1;
+            ++stops;
         }
         scene_free(p.w);
     }
@@ -86,7 +86,7 @@ static void test_who_is_beside_behind_or_crossing_is_not_followed(void** state)
     scene_track(p.w, 45.0, 2.0 * SCENE_WIDTH, 0.0, 0.0);   // in the next lane
     const uint32_t crossing = scene_track(p.w, 50.0, SCENE_WIDTH, 8.0, 0.0);
     verge_track* track = &p.w->tracks.of[crossing];
-    for (uint32_t k = 0; k < p.w->def.points; k += 1) {
+    for (uint32_t k = 0; k < p.w->def.points; ++k) {
         track->x[k] = 50.0;
         track->cos_heading[k] = 0.0;
         track->sin_heading[k] = 1.0;

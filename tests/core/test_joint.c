@@ -19,7 +19,7 @@ static double contact_of(const scene* w, uint32_t i, uint32_t j)
 static scene* same_gap(double lead)
 {
     scene* w = scene_make(0.0, 0.0);
-    for (uint32_t i = 0; i < 2; i += 1) {
+    for (uint32_t i = 0; i < 2; ++i) {
         vg_job* job = scene_vehicle(w, 2 * i, 40.0 + lead * i, 0.0, 0.0, 14.0, 0.0, 14.0);
         job->segments[0].action = i == 0 ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT;
         job->segments[0].lane = 1;
@@ -47,7 +47,7 @@ static void test_two_vehicles_sent_into_one_gap_do_not_meet(void** state)
 static scene* flock(test_rng* rng)
 {
     scene* w = scene_make(test_rng_below(rng, 2) ? 1.0 / 125.0 : 0.0, 0.0);
-    for (uint32_t i = 0; i < SCENE_JOBS; i += 1) {
+    for (uint32_t i = 0; i < SCENE_JOBS; ++i) {
         const uint32_t lane = test_rng_below(rng, 3);
         const double v = test_rng_between(rng, 4.0, 16.0);
         vg_job* job = scene_vehicle(w, lane, 30.0 + 9.0 * i, 0.0, 0.0, v, 0.0, v);
@@ -57,7 +57,7 @@ static scene* flock(test_rng* rng)
             job->segments[0].lane = left ? lane + 1 : lane - 1;
         }
     }
-    for (uint32_t i = 0; i < 3; i += 1) {
+    for (uint32_t i = 0; i < 3; ++i) {
         const double s = test_rng_between(rng, 70.0, 100.0);
         const double d = SCENE_WIDTH * test_rng_below(rng, 3);
         scene_track(w, s, d, test_rng_between(rng, 2.0, 12.0), 0.0);
@@ -71,13 +71,13 @@ static void test_planned_trajectories_never_touch_each_other(void** state)
     test_rng rng = test_rng_seeded("flocks");
     const uint32_t rounds = test_rounds(200);
     uint32_t replanned = 0, fallbacks = 0;
-    for (uint32_t round = 0; round < rounds; round += 1) {
+    for (uint32_t round = 0; round < rounds; ++round) {
         scene* w = flock(&rng);
         scene_run(w);
         replanned += w->replanned;
-        for (uint32_t i = 0; i < w->job_count; i += 1) {
+        for (uint32_t i = 0; i < w->job_count; ++i) {
             fallbacks += w->plans[i].status != VERGE_PLANNED;
-            for (uint32_t j = 0; j < i; j += 1) {
+            for (uint32_t j = 0; j < i; ++j) {
                 if (w->plans[i].status == VERGE_PLANNED && w->plans[j].status == VERGE_PLANNED
                     && contact_of(w, i, j) < 1e9) {
                     fail_msg("round %u: %u and %u touch", round, j, i);
@@ -123,11 +123,11 @@ static void on_threads(void* context, void (*task)(void*, uint32_t), void* arg, 
     *(uint32_t*)context += count;
     pthread_t threads[SCENE_JOBS];
     worker workers[SCENE_JOBS];
-    for (uint32_t i = 0; i < count; i += 1) {
+    for (uint32_t i = 0; i < count; ++i) {
         workers[i] = (worker){ task, arg, i };
         assert_int_equal(pthread_create(&threads[i], NULL, work, &workers[i]), 0);
     }
-    for (uint32_t i = 0; i < count; i += 1) {
+    for (uint32_t i = 0; i < count; ++i) {
         pthread_join(threads[i], NULL);
     }
 }
@@ -136,11 +136,11 @@ static void test_the_executor_changes_nothing(void** state)
 {
     (void)state;
     verge_executor* const executors[] = { backwards, on_threads };
-    for (uint64_t seed = 1; seed <= test_rounds(20); seed += 1) {
+    for (uint64_t seed = 1; seed <= test_rounds(20); ++seed) {
         test_rng rng = test_rng_from(seed);
         scene* serial = flock(&rng);
         scene_run(serial);
-        for (uint32_t e = 0; e < 2; e += 1) {
+        for (uint32_t e = 0; e < 2; ++e) {
             rng = test_rng_from(seed);
             scene* other = flock(&rng);
             uint32_t tasks = 0;
@@ -148,7 +148,7 @@ static void test_the_executor_changes_nothing(void** state)
             other->def.executor_context = &tasks;
             scene_run(other);
             assert_int_equal(tasks, other->job_count);
-            for (uint32_t i = 0; i < serial->job_count; i += 1) {
+            for (uint32_t i = 0; i < serial->job_count; ++i) {
                 const verge_vehicle_plan* a = &serial->plans[i];
                 const verge_vehicle_plan* b = &other->plans[i];
                 assert_int_equal(a->status, b->status);

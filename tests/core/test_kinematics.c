@@ -318,7 +318,7 @@ static void test_motion_is_the_derivative_of_the_positions(void** state)
             CHECK_NEAR(rear.acceleration, by.acceleration, 5e-4);
             CHECK_NEAR(rear.curvature, by.curvature, 1e-4 / fmin(1.0, by.speed * by.speed));
             CHECK_NEAR(vg_square(rear.cos_heading) + vg_square(rear.sin_heading), 1.0, 1e-12);
-            compared += 1;
+            ++compared;
         }
     }
     assert_true(compared > test_rounds(60) * 5);

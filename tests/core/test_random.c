@@ -24,7 +24,7 @@ static void a_bounded_draw_stays_below_its_bound_and_is_even(void** state)
         for (uint32_t i = 0; i < 3200; ++i) {
             const uint32_t drawn = vg_random_below(&random, bound);
             assert_true(drawn < bound);
-            counts[drawn]++;
+            ++counts[drawn];
         }
         double sum = 0.0;
         for (uint32_t i = 0; i < bound; ++i) {

@@ -51,7 +51,7 @@ static scene* random_scene(test_rng* rng)
             .d = n == 0 ? 0.0 : (left ? -1.0 : 1.0) * 0.5 * SCENE_WIDTH };
     }
     const uint32_t others = test_rng_below(rng, 9);
-    for (uint32_t i = 0; i < others; i += 1) {
+    for (uint32_t i = 0; i < others; ++i) {
         const double s = test_rng_between(rng, 0.0, 80.0);
         const double d = test_rng_between(rng, -1.0, 8.0);
         const double other_v = fmax(0.0, v + test_rng_between(rng, -5.0, 5.0));
@@ -69,7 +69,7 @@ static void test_every_accepted_trajectory_passes_the_strict_judge(void** state)
     test_rng rng = test_rng_seeded("scenes");
     const uint32_t rounds = test_rounds(600);
     uint32_t planned = 0;
-    for (uint32_t round = 0; round < rounds; round += 1) {
+    for (uint32_t round = 0; round < rounds; ++round) {
         scene* w = random_scene(&rng);
         const uint64_t evaluated = scene_run(w);
         const verge_vehicle_plan* plan = &w->plans[0];
@@ -80,7 +80,7 @@ static void test_every_accepted_trajectory_passes_the_strict_judge(void** state)
                  (int)plan->reason);
         check_drivable(w, 0, what);
         planned += plan->status == VERGE_PLANNED;
-        for (uint32_t j = 1; j < w->tracks.count && plan->status == VERGE_PLANNED; j += 1) {
+        for (uint32_t j = 1; j < w->tracks.count && plan->status == VERGE_PLANNED; ++j) {
             const double t = strict_contact(&w->tracks.of[0], &w->tracks.of[j], w->def.points,
                                             w->def.point_s, 0.0);
             if (t <= 1e9) {
@@ -236,11 +236,11 @@ static void test_the_standstill_gap_is_kept_behind_a_standing_body(void** state)
         scene* w = scene_make(1.0 / 125.0, 0.0);
         scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, v);
         scene_track(w, 30.0 + 12.0 + v * v / 3.0, SCENE_WIDTH, 0.0, 0.0);
-        for (uint32_t cycle = 0; cycle < 80; cycle += 1) {
+        for (uint32_t cycle = 0; cycle < 80; ++cycle) {
             w->jobs[0].segments[0].v = w->vehicles[0].speed + 0.9; // the decision wants to go on
             scene_run(w);
             assert_int_equal(w->plans[0].status, VERGE_PLANNED);
-            for (uint32_t k = 0; k < w->def.points; k += 1) {
+            for (uint32_t k = 0; k < w->def.points; ++k) {
                 CHECK_AT_MOST(-w->plans[0].points[k].acceleration, 3.5); // early, not hard
             }
             drive_on(w);
@@ -262,7 +262,7 @@ static void test_who_is_faster_than_the_limit_slows_down_gently(void** state)
     scene_run(w);
     assert_int_equal(w->plans[0].status, VERGE_PLANNED);
     CHECK_BETWEEN(w->plans[0].points[w->def.points - 1].speed, 28.0, 29.5);
-    for (uint32_t k = 0; k < w->def.points; k += 1) {
+    for (uint32_t k = 0; k < w->def.points; ++k) {
         CHECK_AT_MOST(-w->plans[0].points[k].acceleration, 3.0);
     }
     scene_free(w);
@@ -305,7 +305,7 @@ static void test_a_body_in_the_rear_of_another_one_stops_and_stays(void** state)
         scene* w = scene_make(0.0, 0.0);
         scene_vehicle(w, 1, 30.0, 0.0, 0.0, 6.0, 0.0, 6.0);
         scene_track(w, 34.5, SCENE_WIDTH + offset, 0.0, 0.0);
-        for (uint32_t cycle = 0; cycle < 6; cycle += 1) {
+        for (uint32_t cycle = 0; cycle < 6; ++cycle) {
             scene_run(w);
             assert_int_equal(w->plans[0].reason, VERGE_REASON_OVERLAP_NOW);
             CHECK_AT_MOST(w->plans[0].points[w->def.points - 1].speed, 1e-6);
@@ -350,7 +350,7 @@ static void test_keeping_a_lane_does_not_end_beyond_its_border(void** state)
     (void)state;
     test_rng rng = test_rng_seeded("border");
     uint32_t planned = 0, refused = 0;
-    for (uint32_t round = 0; round < test_rounds(300); round += 1) {
+    for (uint32_t round = 0; round < test_rounds(300); ++round) {
         const double off = test_rng_between(&rng, -1.6, 1.6);
         const double slant = test_rng_between(&rng, -0.5, 0.5);
         const double v = test_rng_between(&rng, 0.5, 15.0);
@@ -361,10 +361,10 @@ static void test_keeping_a_lane_does_not_end_beyond_its_border(void** state)
         const verge_lane_position at = verge_road_project_on(w->road, 1, end->x, end->y);
         if (w->plans[0].status == VERGE_PLANNED) {
             CHECK_AT_MOST(fabs(at.d), 0.5 * SCENE_WIDTH + 1e-2);
-            planned += 1;
+            ++planned;
         } else {
             assert_int_equal(w->plans[0].reason, VERGE_REASON_NO_FEASIBLE);
-            refused += 1;
+            ++refused;
         }
         scene_free(w);
     }
@@ -388,7 +388,7 @@ static void test_fallbacks_say_why(void** state)
     // A wall that cannot be missed: brakes as hard as it can, and says it will touch.
     w = scene_make(0.0, 0.0);
     scene_vehicle(w, 1, 30.0, 0.0, 0.0, 20.0, 0.0, 20.0);
-    for (int lane = 0; lane < 3; lane += 1) {
+    for (int lane = 0; lane < 3; ++lane) {
         scene_track(w, 42.0, SCENE_WIDTH * lane, 0.0, 0.0);
     }
     scene_run(w);

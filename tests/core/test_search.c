@@ -109,7 +109,7 @@ static void the_best_plan_seen_is_the_best_of_all_plans(void** state)
         const double found = run(self, k, NULL);
         if (optimum >= 0.0) {
             CHECK_NEAR(found, optimum, 1e-12);
-            solved++;
+            ++solved;
         }
     }
     assert_true(solved > test_rounds(60) / 2);

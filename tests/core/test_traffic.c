@@ -240,11 +240,11 @@ static void check_keeping(const stage* at, uint32_t i, uint8_t legal, uint32_t* 
                   | (fits[2] && v > 0.0 ? 4u : 0u));
     if (expected != 0) {
         assert_int_equal(legal & 7u, expected);
-        told[expected]++;
+        ++told[expected];
     } else { // nothing fits: exactly one way out is left
         const uint8_t only = legal & 7u;
         assert_true(only == 1u || only == 2u || only == 4u);
-        told[0]++;
+        ++told[0];
     }
 }
 
@@ -537,15 +537,15 @@ static void conflicts_are_those_of_bodies_moved_in_small_steps(void** state)
         }
         if (!loose.near_at_start && tight.comes_near) {
             assert_true(found != 0);
-            near++;
+            ++near;
         }
         if (!tight.touching_at_start && tight.touches) {
             assert_true(found != 0); // whatever air there was before
-            touching++;
+            ++touching;
         }
         if (!loose.comes_near) {
             assert_int_equal(found, 0);
-            clear++;
+            ++clear;
         }
     }
     assert_true(test_rounds(100) < 100 || (touching > 1000 && near > 1000 && clear > 1000));

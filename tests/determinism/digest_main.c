@@ -77,8 +77,8 @@ static verge_vehicle vehicle_from(const vehicle_row* row)
 
 static void follow_plans(verge_vehicle* vehicles, uint32_t vehicle_count)
 {
-    for (uint32_t v = 0; v < vehicle_count; v++) {
-        for (uint32_t p = 0; p < plan.vehicle_count; p++) {
+    for (uint32_t v = 0; v < vehicle_count; ++v) {
+        for (uint32_t p = 0; p < plan.vehicle_count; ++p) {
             const verge_vehicle_plan* own = &plan.vehicles[p];
             if (own->vehicle_id == vehicles[v].id && own->point_count > CYCLE_POINTS) {
                 const verge_point* at = &own->points[CYCLE_POINTS];
@@ -113,10 +113,10 @@ static int plan_scenario(const scenario* scene)
 
     static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     const uint32_t count = scene->vehicle_count;
-    for (uint32_t v = 0; v < count && v < VERGE_VEHICLES_MAX; v++) {
+    for (uint32_t v = 0; v < count && v < VERGE_VEHICLES_MAX; ++v) {
         vehicles[v] = vehicle_from(&scene->vehicles[v]);
     }
-    for (uint32_t cycle = 0; cycle < CYCLES && status == VERGE_OK; cycle++) {
+    for (uint32_t cycle = 0; cycle < CYCLES && status == VERGE_OK; ++cycle) {
         const int64_t cycle_us = (int64_t)(def.point_s * CYCLE_POINTS * 1e6 + 0.5);
         status = verge_planner_step(planner, cycle * cycle_us, vehicles, count, &plan);
         if (status == VERGE_OK) {
@@ -158,7 +158,7 @@ int main(int argc, char** argv)
         --argc;
         ++argv;
     }
-    for (size_t i = 0; i < sizeof scenarios / sizeof scenarios[0]; i++) {
+    for (size_t i = 0; i < sizeof scenarios / sizeof scenarios[0]; ++i) {
         if (argc < 2 || strcmp(argv[1], scenarios[i].name) == 0) {
             failed |= plan_scenario(&scenarios[i]);
             fflush(stdout);

@@ -19,7 +19,7 @@ static inline scene* candidates_scene(test_rng* rng)
     const uint32_t kind = test_rng_below(rng, VERGE_BODY_KIND_COUNT);
     const verge_body body = verge_body_of((verge_body_kind)kind);
     w->limits = vg_limits_of(&body);
-    for (int i = 0; i < 8; i += 1) {
+    for (int i = 0; i < 8; ++i) {
         const double s = test_rng_between(rng, 10.0, 90.0), d = test_rng_between(rng, -1.0, 8.0);
         const double speed = test_rng_between(rng, 0.0, 20.0);
         scene_track(w, s, d, speed, test_rng_between(rng, -1.0, 1.0));

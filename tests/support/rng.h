@@ -1,7 +1,7 @@
 /// Random inputs for tests: a seed a failure can be repeated from, and how many rounds to run.
 ///
 ///     test_rng rng = test_rng_seeded("quintic");   // prints the seed it took
-///     for (uint32_t i = 0; i < test_rounds(1000); i++) {
+///     for (uint32_t i = 0; i < test_rounds(1000); ++i) {
 ///         const double d = test_rng_between(&rng, -5.0, 5.0); ...
 ///
 /// The seed is 1 unless the environment's VERGE_TEST_SEED names another one.

@@ -70,11 +70,11 @@ static inline scene* scene_make(double curvature, double short_lane)
     static double points[SCENE_LANES][SCENE_POINTS][2];
     verge_lane_def lanes[SCENE_LANES];
     memset(lanes, 0, sizeof lanes);
-    for (int l = 0; l < SCENE_LANES; l += 1) {
+    for (int l = 0; l < SCENE_LANES; ++l) {
         // At most three quarters of a circle: a lane never meets itself.
         const double whole = fmin(SCENE_LENGTH, 4.5 / fmax(fabs(curvature), 1e-9));
         const double length = l == 0 && short_lane > 0.0 ? short_lane : whole;
-        for (int i = 0; i < SCENE_POINTS; i += 1) {
+        for (int i = 0; i < SCENE_POINTS; ++i) {
             double heading;
             scene_at(w, length * i / (SCENE_POINTS - 1), SCENE_WIDTH * l, &points[l][i][0],
                      &points[l][i][1], &heading);
@@ -97,7 +97,7 @@ static inline scene* scene_make(double curvature, double short_lane)
     vg_arena_init(&arena, w->memory[0], 4u << 20);
     vg_arena_init(&scratch, w->memory[1], scratch_size);
     w->road = vg_road_build(&arena, &scratch, &w->def.road);
-    for (int i = 0; i < SCENE_JOBS; i += 1) {
+    for (int i = 0; i < SCENE_JOBS; ++i) {
         // Room for the most points and samples that a test may ask for.
         verge_planner_def most = w->def;
         most.points = VERGE_POINTS_MAX;
@@ -114,7 +114,7 @@ static inline scene* scene_make(double curvature, double short_lane)
 
 static inline void scene_free(scene* w)
 {
-    for (size_t i = 0; i < sizeof w->memory / sizeof *w->memory; i += 1) {
+    for (size_t i = 0; i < sizeof w->memory / sizeof *w->memory; ++i) {
         free(w->memory[i]);
     }
     free(w);
@@ -129,7 +129,7 @@ static inline uint32_t scene_track(scene* w, double s, double d, double speed, d
     track->controlled = false;
     track->half_length = 2.5;
     track->half_width = 1.0;
-    for (uint32_t k = 0; k < w->def.points; k += 1) {
+    for (uint32_t k = 0; k < w->def.points; ++k) {
         const double t = w->def.point_s * k;
         const double at = d + drift * t, scale = 1.0 - w->curvature * at;
         double heading;

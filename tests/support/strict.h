@@ -55,7 +55,7 @@ static inline const char* strict_motion_fault(const verge_vehicle_plan* plan,
 {
     const double curvature_max = tan(body->steer_max) / body->wheelbase;
     double k_before = NAN;
-    for (uint32_t i = 0; i + 1 < plan->point_count; i += 1) {
+    for (uint32_t i = 0; i + 1 < plan->point_count; ++i) {
         const verge_point* p = &plan->points[i];
         const double k_rate = (p[1].curvature - p[0].curvature) / h;
         const strict_rear r0 = strict_rear_of(body, &p[0], k_rate);
@@ -85,7 +85,7 @@ static inline const char* strict_motion_fault(const verge_vehicle_plan* plan,
         if (!(fabs(turn - 0.5 * h * (r0.v * r0.k + r1.v * r1.k)) < 3e-3)) {
             return "heading does not follow from curvature";
         }
-        for (int j = 0; j <= 10; j += 1) {
+        for (int j = 0; j <= 10; ++j) {
             double x[3], y[3];
             strict_hermite(h, j / 10.0, r0.x, r0.v * cos(r0.heading), a0[0], r1.x,
                            r1.v * cos(r1.heading), a1[0], x);
@@ -141,7 +141,7 @@ static inline strict_polygon strict_body(const verge_track* t, uint32_t k, doubl
     const double y = t->y[k] * (1.0 - u) + t->y[k + 1] * u;
     static const double sides[4][2] = { { 1, 1 }, { -1, 1 }, { -1, -1 }, { 1, -1 } };
     strict_polygon out = { .count = 4 };
-    for (int i = 0; i < 4; i += 1) {
+    for (int i = 0; i < 4; ++i) {
         const double l = sides[i][0] * t->half_length, w = sides[i][1] * t->half_width;
         out.p[i][0] = x + l * c - w * s;
         out.p[i][1] = y + l * s + w * c;
@@ -152,11 +152,11 @@ static inline strict_polygon strict_body(const verge_track* t, uint32_t k, doubl
 /// Area that two convex polygons share: Sutherland and Hodgman's clipping.
 static inline double strict_shared_area(strict_polygon a, const strict_polygon* b)
 {
-    for (int e = 0; e < b->count && a.count > 0; e += 1) {
+    for (int e = 0; e < b->count && a.count > 0; ++e) {
         const double* q0 = b->p[e];
         const double* q1 = b->p[(e + 1) % b->count];
         strict_polygon out = { .count = 0 };
-        for (int i = 0; i < a.count; i += 1) {
+        for (int i = 0; i < a.count; ++i) {
             const double* p0 = a.p[i];
             const double* p1 = a.p[(i + 1) % a.count];
             const double d0 = (q1[0] - q0[0]) * (p0[1] - q0[1]) - (q1[1] - q0[1]) * (p0[0] - q0[0]);
@@ -174,7 +174,7 @@ static inline double strict_shared_area(strict_polygon a, const strict_polygon* 
         a = out;
     }
     double area = 0.0;
-    for (int i = 0; i < a.count; i += 1) {
+    for (int i = 0; i < a.count; ++i) {
         const double* p0 = a.p[i];
         const double* p1 = a.p[(i + 1) % a.count];
         area += 0.5 * (p0[0] * p1[1] - p1[0] * p0[1]);
@@ -186,8 +186,8 @@ static inline double strict_shared_area(strict_polygon a, const strict_polygon* 
 static inline double strict_contact(const verge_track* a, const verge_track* b, uint32_t points,
                                     double h, double from)
 {
-    for (uint32_t k = 0; k + 1 < points; k += 1) {
-        for (int j = 0; j <= 10; j += 1) {
+    for (uint32_t k = 0; k + 1 < points; ++k) {
+        for (int j = 0; j <= 10; ++j) {
             const strict_polygon p = strict_body(a, k, j / 10.0), q = strict_body(b, k, j / 10.0);
             const double t = h * (k + j / 10.0);
             if (t >= from && strict_shared_area(p, &q) > 1e-9) {

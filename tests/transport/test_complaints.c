@@ -14,7 +14,7 @@ static void hear(void* context, const char* line)
 {
     (void)context;
     snprintf(told[told_count % 64], sizeof told[0], "%s", line);
-    told_count += 1;
+    ++told_count;
 }
 
 static void begin(complaints* box)

@@ -132,11 +132,11 @@ static void test_a_flood_of_hostile_datagrams_costs_no_good_message(void** state
 
     for (uint32_t round = 0; round < rounds; ++round) {
         send_to_group(fd, datagram, bad_frame(&rng, datagram));
-        sent += 1;
+        ++sent;
         if (round % 10 == 0) {
             send_to_group(fd, datagram, good_frame(datagram, (int32_t)good_sent));
-            sent += 1;
-            good_sent += 1;
+            ++sent;
+            ++good_sent;
             uint32_t got;
             while ((got = transport_drain(bus, messages, 64)) > 0) {
                 for (uint32_t i = 0; i < got; ++i) {
@@ -144,7 +144,7 @@ static void test_a_flood_of_hostile_datagrams_costs_no_good_message(void** state
                     assert_null(wire_state_check(s));
                     if (s->vehicle_id != 1000000) { // a mutation of the sequence number changes
                         assert_int_equal(s->vehicle_id, good_received); // nothing: that is 1000000
-                        good_received += 1;
+                        ++good_received;
                     }
                 }
             }
@@ -256,7 +256,7 @@ static void test_a_forged_plan_that_passes_is_finite(void** state)
                       transport_crc32(bytes + 8, CODEC_PLAN_SIZE - 12));
         assert_true(codec_decode(TRANSPORT_PLAN, bytes, CODEC_PLAN_SIZE, &message));
         if (wire_plan_check(&message.as.plan) == NULL) {
-            passed += 1;
+            ++passed;
             const uint32_t count = wire_points_from_plan(&message.as.plan, points);
             for (uint32_t i = 0; i < count; ++i) {
                 CHECK_BETWEEN(points[i].x, -1e7, 1e7);

@@ -395,7 +395,7 @@ static void test_refused_states_leave_no_trace_but_their_counter(void** state)
         assert_int_equal(inbox_offer(&clean, &good, now, NULL), INBOX_ACCEPTED);
         const inbox_verdict verdict = offer(spoiled(&rng, good, now), now);
         assert_int_not_equal(verdict, INBOX_ACCEPTED);
-        bad += 1;
+        ++bad;
         assert_memory_equal(box.slots, clean.slots, sizeof box.slots);
     }
     assert_int_equal(refusals(&box.counters), bad);

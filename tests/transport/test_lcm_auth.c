@@ -417,7 +417,7 @@ static void hear(void* context, const char* line)
 {
     (void)context;
     snprintf(said[said_count % 8], sizeof said[0], "%s", line);
-    said_count += 1;
+    ++said_count;
 }
 
 static transport* open_signed(unsigned receive, const lcm_asked* asked)

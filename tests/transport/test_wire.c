@@ -574,7 +574,7 @@ static void test_the_rest_of_a_plan_is_a_plan_that_ends_where_it_ended(void** st
         if (!left) {
             continue;
         }
-        lefts++;
+        ++lefts;
         assert_null(wire_plan_check(&rest));
         assert_true(rest.utime >= plan.utime && (rest.utime <= at || rest.utime == plan.utime));
         assert_true(at - rest.utime < (int64_t)plan.dt_ms * 1000);

@@ -1,15 +1,18 @@
 /// Bodies: presets, sizes and ranges. See body.h.
 ///
-/// Lengths, widths, axles and turning circles of van, bus, trucks and tractor are those of the
-/// design vehicles of road planning (FGSV 287, Bemessungsfahrzeuge und Schleppkurven, 2001), within
-/// the greatest dimensions of Directive 96/53/EC. A test turns bus and trucks inside the ring of
-/// that directive (12.5 m outside, 5.3 m inside). Speeds of bus and trucks are those of the limiter
-/// (Directive 92/6/EEC). Braking is what UN R13 asks for at least (5 m/s^2) and what tyres and axle
-/// loads of such vehicles allow on a dry road. Lateral acceleration ends where a loaded vehicle of
-/// this kind begins to roll over (0.35 to 0.4 g for trucks), or where its tyres end.
+/// What is stated as sourced: the reference car is vehicle 2 of the CommonRoad vehicle models; the
+/// greatest dimensions, and the ring that buses and trucks must turn in (12.5 m outside, 5.3 m
+/// inside, which a test drives), are those of Directive 96/53/EC; the speeds of bus and trucks are
+/// those of the limiter (Directive 92/6/EEC); braking is at least what UN R13 asks for (5 m/s^2).
+///
+/// The rest is estimated, typical of a vehicle of its kind and of no make: lengths, axles and turning
+/// circles, engines by power and mass, steering rates, and the lateral acceleration at which a loaded
+/// truck begins to roll over (0.35 to 0.4 g) or tyres end. State a body of your own where it matters.
 
 #include "base/scalar.h"
 #include "verge/limits.h"
+
+#include <assert.h>
 
 #define D(field, unit, min, max, text) { #field, unit, offsetof(verge_body, field), min, max, text }
 
@@ -35,7 +38,7 @@ static const verge_body_param params[] = {
 };
 enum { PARAM_COUNT = sizeof params / sizeof params[0] };
 
-_Static_assert(PARAM_COUNT * sizeof(double) == sizeof(verge_body), "every number has its line");
+static_assert(PARAM_COUNT * sizeof(double) == sizeof(verge_body), "every number has its line");
 
 typedef struct preset {
     const char* name;

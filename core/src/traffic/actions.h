@@ -1,5 +1,6 @@
-/// What an action is: one row for each action of Table 1. A new action is a new row here and a new
-/// name in verge_action; the assertions below name what else has to be looked at.
+/// The properties of the actions: one row for each action of Table 1. A new action needs a new row
+/// here and a new name in verge_action. Static assertions name the other places that depend on the
+/// set of actions.
 #ifndef VG_ACTIONS_H
 #define VG_ACTIONS_H
 
@@ -18,7 +19,7 @@ typedef enum vg_across { VG_KEEP_LANE, VG_TO_LEFT, VG_TO_RIGHT, VG_ACROSS_COUNT 
 
 typedef struct vg_action_row {
     const char* name;        ///< as in the paper, in JSON and in the log
-    const char* words;       ///< for people
+    const char* words;       ///< in plain English
     uint8_t     along;       ///< vg_along
     uint8_t     across;      ///< vg_across
     int8_t      turn_signal; ///< +1 left, -1 right, 0 none
@@ -31,7 +32,7 @@ extern const vg_action_row vg_actions[VERGE_ACTION_COUNT];
 enum { VG_LANE_KEEPING_COUNT = 3 };
 extern const uint8_t vg_lane_keeping[VG_LANE_KEEPING_COUNT];
 static_assert(VG_LANE_KEEPING_COUNT + 2 == VERGE_ACTION_COUNT,
-              "a new action that keeps the lane stands in vg_lane_keeping");
+              "vg_lane_keeping lists all actions that keep the lane");
 
 static inline bool vg_action_changes_lane(uint32_t action)
 {

@@ -7,8 +7,8 @@
 
 #include <string.h>
 
-// A vehicle nearer by this to the next lane's centre is on the next lane. [m]
-static const float border_air = 0.1f;
+// A vehicle changes its lane index when it is nearer to the other lane's centre by this much. [m]
+static const float boundary_margin = 0.1f;
 
 static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* next, uint32_t slot,
                         uint8_t action);
@@ -40,7 +40,8 @@ void vg_flow_follow(const vg_model* model, const vg_flow* flow, double dt, vg_fl
     }
 }
 
-// On to the lane that continues this one, or through it to a later one: lanes may be short.
+// Moves a vehicle beyond the end of its lane to a successor. Lanes may be shorter than a step, so
+// several may be passed.
 static void pass_lane_ends(const vg_model* model, vg_flow* next, uint32_t slot)
 {
     const verge_road* road = model->road;
@@ -55,10 +56,10 @@ static void pass_lane_ends(const vg_model* model, vg_flow* next, uint32_t slot)
     }
 }
 
-// From (station, y) back to a lane and its d: over the border after a change, over the seam
-// after a lane's end. y tells the move within the lane; the lane itself may lead aside.
+// Lane and d from station and y. A lane change may end beyond the lane boundary, a long step beyond
+// the lane's end. The change of d is the change of y before the lane's own slope is added.
 static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* next, uint32_t slot,
-                   uint8_t action)
+                        uint8_t action)
 {
     const verge_road* road = model->road;
     const vg_lane* lane = &road->lanes[next->lane[slot]];
@@ -70,8 +71,8 @@ static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* nex
         if (beside >= 0) {
             const vg_bin_place there = vg_bin_at(&road->lanes[beside], station);
             const float other = next->d[slot] + (vg_bin_centre(place) - vg_bin_centre(there));
-            // Clearly beyond half the way: a partial change that ends on the border has not crossed.
-            if (vg_fabsf(other) < vg_fabsf(next->d[slot]) - border_air) {
+            // A partial change that ends on the lane boundary stays in its lane.
+            if (vg_fabsf(other) < vg_fabsf(next->d[slot]) - boundary_margin) {
                 next->lane[slot] = beside;
                 next->d[slot] = other;
                 lane = &road->lanes[beside];

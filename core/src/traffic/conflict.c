@@ -3,28 +3,30 @@
 
 #include "traffic/pairs.h"
 
-// Air that joint actions leave between moving bodies. [m]
-static const float joint_air_along = 1.0f;
-static const float joint_air_across = 0.3f;
+// Smallest gap between two bodies after joint actions. [m]
+static const float joint_gap_along = 1.0f;
+static const float joint_gap_across = 0.3f;
 
-static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1, uint32_t i,
-                           uint32_t j);
+static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1,
+                           uint32_t i, uint32_t j);
 
-// Does the straight way from (x0, y0) to (x1, y1) meet the box |x| < ex, |y| < ey? Exactly: only
-// the box's two axes and the way's own normal could keep them apart.
+// Does the segment from (x0, y0) to (x1, y1) intersect the box |x| < ex, |y| < ey? The test is
+// exact (separating axes: the two axes of the box and the normal of the segment).
 static bool crosses(float x0, float y0, float x1, float y1, float ex, float ey)
 {
     const float dx = x1 - x0, dy = y1 - y0;
-    return vg_minf(x0, x1) < ex && vg_maxf(x0, x1) > -ex && vg_minf(y0, y1) < ey && vg_maxf(y0, y1) > -ey
+    return vg_minf(x0, x1) < ex && vg_maxf(x0, x1) > -ex && vg_minf(y0, y1) < ey
+           && vg_maxf(y0, y1) > -ey
            && vg_fabsf(x0 * dy - y0 * dx) <= ex * vg_fabsf(dy) + ey * vg_fabsf(dx);
 }
 
-// Where the vehicles are after these actions, before lanes are assigned anew.
+// Positions of all vehicles after their actions, on the axes of their present lanes.
 typedef struct chosen {
     float station[VERGE_VEHICLES_MAX], y[VERGE_VEHICLES_MAX];
 } chosen;
 
-// An acceleration lane comes nearer to its neighbour by itself.
+// The lateral position includes the slope of the lane: an acceleration lane approaches its
+// neighbour.
 static void choose_moves(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
                          const uint8_t* actions, chosen* restrict to)
 {
@@ -32,15 +34,16 @@ static void choose_moves(const vg_model* model, const vg_flow* flow, const vg_mo
         const uint8_t action = i < model->controlled_count ? actions[i] : (uint8_t)VERGE_KEEP_SPEED;
         const float station = moves->station[vg_actions[action].along][i];
         to->station[i] = station;
-        to->y[i] = moves->y[vg_actions[action].across][i] + flow->slope[i] * (station - flow->station[i]);
+        to->y[i] =
+            moves->y[vg_actions[action].across][i] + flow->slope[i] * (station - flow->station[i]);
     }
 }
 
-// Do the ways of two vehicles that pass near each other come too close between the two instants?
-// x0, x1: metres from i ahead to j. Relative motion is linear. Bodies that have less air than the
-// margin already may go on without contact; bodies in contact may do all but press on.
-static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* to, uint32_t i, uint32_t j,
-                      float x0, float x1)
+// Do two vehicles come too close between the two instants? x0, x1: distance from i ahead to j,
+// before and after [m]. Relative motion is linear. Bodies with a smaller gap than required may move
+// as long as they do not touch. Overlapping bodies may only separate.
+static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* to, uint32_t i,
+                      uint32_t j, float x0, float x1)
 {
     if (!model->single_axis && to->station[i] <= vg_pair_row(model, i)[j].touch) {
         return false;
@@ -49,9 +52,9 @@ static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* 
     const float y1 = vg_gap_left(model, i, j, to->y[i], to->y[j]);
     const float length = model->half_length[i] + model->half_length[j];
     const float width = model->half_width[i] + model->half_width[j];
-    const float ex = length + joint_air_along, ey = width + joint_air_across;
+    const float ex = length + joint_gap_along, ey = width + joint_gap_across;
     if (!model->single_axis && flow->station[i] <= vg_pair_row(model, i)[j].touch) {
-        // Their lanes come close in this step only: how near they were on one axis says nothing.
+        // Their lanes come close in this step only: their distance before it has no meaning.
         return crosses(x0, y0, x1, y1, ex, ey);
     }
     if (vg_fabsf(x0) < length && vg_fabsf(y0) < width) {
@@ -64,23 +67,23 @@ static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* 
     return crosses(x0, y0, x1, y1, ex, ey);
 }
 
-// Conflicts of slot i with the slots after it. Most pairs are settled by one being ahead of the
-// other all the way.
-VG_INLINE uint32_t conflicts_after(const vg_model* model, const vg_flow* flow, const chosen* to, uint32_t i,
-                                bool single_axis)
+// Conflicts of slot i with the slots after it. In most pairs one vehicle stays ahead of the other
+// with enough distance, which is tested first.
+VG_INLINE uint32_t conflicts_after(const vg_model* model, const vg_flow* flow, const chosen* to,
+                                   uint32_t i, bool single_axis)
 {
     const float* restrict before = flow->station;
     const float* restrict after = to->station;
     const float* restrict half_length = model->half_length;
     const float rate = flow->rate[i], station0 = before[i], station1 = after[i];
-    const float ex = half_length[i] + joint_air_along;
+    const float ex = half_length[i] + joint_gap_along;
     const uint32_t count = model->count;
     uint32_t conflicts = 0;
     for (uint32_t j = i + 1u; j < count; ++j) {
         const float x0 = single_axis ? (before[j] - station0) * rate
-                               : vg_gap_along(model, i, j, rate, station0, before[j]);
+                                     : vg_gap_along(model, i, j, rate, station0, before[j]);
         const float x1 = single_axis ? (after[j] - station1) * rate
-                               : vg_gap_along(model, i, j, rate, station1, after[j]);
+                                     : vg_gap_along(model, i, j, rate, station1, after[j]);
         const float reach = ex + half_length[j];
         if ((x0 >= reach && x1 >= reach) || (x0 <= -reach && x1 <= -reach)) {
             continue;
@@ -100,7 +103,7 @@ uint32_t vg_flow_conflicts(const vg_model* model, const vg_flow* flow, const vg_
     choose_moves(model, flow, moves, actions, &to);
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         conflicts |= model->single_axis ? conflicts_after(model, flow, &to, i, true)
-                                  : conflicts_after(model, flow, &to, i, false);
+                                        : conflicts_after(model, flow, &to, i, false);
     }
     for (uint32_t i = 0; model->road->conflict_lanes != 0 && i < model->controlled_count; ++i) {
         for (uint32_t j = 0; j < model->count; ++j) {
@@ -117,9 +120,10 @@ static bool sweeps(float from, float to, float half, float area_from, float area
     return to + half > area_from && from - half < area_to;
 }
 
-// Two bodies in one area that is not a lane of either: whoever was in it before may leave.
-static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1, uint32_t i,
-                           uint32_t j)
+// Would vehicle i enter a conflict area that vehicle j uses in the same step? A vehicle that is
+// already in the area may leave it.
+static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1,
+                           uint32_t i, uint32_t j)
 {
     const verge_road* road = model->road;
     const uint32_t lane_i = (uint32_t)flow->lane[i], lane_j = (uint32_t)flow->lane[j];

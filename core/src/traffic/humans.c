@@ -3,13 +3,13 @@
 
 #include "traffic/pairs.h"
 
-// The IDM's parameters in single precision. Constant divisors are given as their inverses.
+// The parameters of the IDM in single precision. Constant divisors are stored as inverses.
 typedef struct idm {
     float gap, headway_s, acceleration; // [m], [s], [m/s^2]
     float per_closing;                  // [s^2/m]
 } idm;
 
-// [m/s^2], with a limit of the braking; the gap is taken as 1 m at least.
+// Acceleration of the IDM, with limited braking [m/s^2]. Gaps below 1 m count as 1 m.
 VG_INLINE float acceleration_of(const idm* p, float braking, float v, float per_desired, float gap,
                                 float v_lead)
 {
@@ -22,7 +22,7 @@ VG_INLINE float acceleration_of(const idm* p, float braking, float v, float per_
     return vg_maxf(a, -braking);
 }
 
-// The IDM behind the nearest vehicle in the path, controlled or not; the lane is kept as driven.
+// The leader is the nearest vehicle in the path, controlled or not. The offset d stays as it is.
 void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, float* station_to,
                          float* v_to, float* y_to)
 {
@@ -30,15 +30,16 @@ void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, f
     const idm p = { (float)def->idm_gap, (float)def->idm_headway_s, (float)def->idm_acceleration,
                     0.5f / (float)def->idm_comfort };
     for (uint32_t i = model->controlled_count; i < model->count; ++i) {
-        const vg_neighbours w =
-            vg_nearest(model, flow, i, flow->station[i], flow->y[i], flow->station, flow->v, VG_FAR_AWAY);
+        const vg_neighbours w = vg_nearest(model, flow, i, flow->station[i], flow->y[i],
+                                           flow->station, flow->v, VG_FAR_AWAY);
         const float per_desired = 1.0f / model->cruise[i];
         const float gap = w.gap_ahead - model->half_length[i];
         const float v = flow->v[i];
-        const float v_lead = w.gap_ahead < 0.5f * VG_FAR_AWAY ? w.v_ahead : v; // free road: no closing
+        // With no vehicle ahead the closing speed is 0.
+        const float v_lead = w.gap_ahead < 0.5f * VG_FAR_AWAY ? w.v_ahead : v;
         const float a = acceleration_of(&p, model->braking[i], v, per_desired, gap, v_lead);
         const float v1 = v + a * dt;
-        // A vehicle that stops drives no farther than to the stop.
+        // A vehicle that comes to a stop within dt drives its stopping distance.
         const float distance = v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
         station_to[i] = flow->station[i] + distance / flow->rate[i];
         v_to[i] = vg_maxf(v1, 0.0f);

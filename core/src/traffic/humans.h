@@ -1,5 +1,5 @@
-/// Lane keeping (KL) of uncontrolled vehicles: the Intelligent Driver Model (Treiber 2000) behind the
-/// nearest vehicle in the path.
+/// Lane keeping (KL) of uncontrolled vehicles: they follow the nearest vehicle in their path by the
+/// Intelligent Driver Model (IDM, Treiber 2000).
 #ifndef VG_HUMANS_H
 #define VG_HUMANS_H
 

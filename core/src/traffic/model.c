@@ -1,4 +1,4 @@
-/// The model of a scene: vehicles, their intentions and their share of X_flow. See flow.h.
+/// The model of a scene: vehicles, their target lanes and their weights in X_flow. See flow.h.
 #include "traffic/flow.h"
 
 #include "base/contract.h"
@@ -6,16 +6,17 @@
 
 #include <string.h>
 
-// A measured acceleration is taken to last this long; from `speeding_up` on, to the limit.
+// A measured acceleration is assumed to last for `trend_s`. Above `speeding_up` it lasts until the
+// speed limit is reached.
 static const double trend_s = 2.0;     // [s]
-static const double speeding_up = 0.1; // [m/s^2] more than a steady foot
-// Desired speed of a vehicle that stands: the IDM divides by it. [m/s]
+static const double speeding_up = 0.1; // [m/s^2] above the noise of constant speed
+// Smallest desired speed: the IDM divides by it. [m/s]
 static const double cruise_min = 0.05;
-// Table 2: a driver more cooperative than the normal habit pays more for a lane change with a
-// small gap. [1]
+// Cooperation factor of the normal habit (Table 2). The penalty for a lane change with a small gap
+// scales with the cooperation factor of the vehicle relative to this one. [1]
 static const double normal_cooperation = 0.5;
 
-// From the centre back to the rear, of the trailer where there is one. [m]
+// Distance from the centre to the rear end of the vehicle or of its trailer. [m]
 static double length_behind(const verge_body* body)
 {
     const double rear = 0.5 * body->length;
@@ -36,9 +37,9 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
     model->back[slot] = 0.5 * (length_behind(&body) - 0.5 * vehicle->length);
     model->half_length[slot] = (float)(0.5 * vehicle->length + model->back[slot] + vehicle->margin);
     model->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
-    // A human goes on as measured: a vehicle that speeds up does so to the limit, any other to the
-    // speed its acceleration leads to soon. A standing vehicle stays; a braking one brakes on. The
-    // IDM adds the vehicles ahead.
+    // Desired speed of an uncontrolled vehicle: the limit if the vehicle speeds up, else the speed
+    // that it has after trend_s at its present acceleration. A standing vehicle stays standing, and
+    // a braking one continues to brake. The IDM takes the vehicles ahead into account.
     const double fastest = vg_max(lane->speed_limit, vehicle->speed);
     const double soon = vehicle->acceleration > speeding_up
                             ? fastest : vehicle->speed + trend_s * vehicle->acceleration;
@@ -59,7 +60,7 @@ void vg_model_free_humans(vg_model* model, const vg_flow* flow)
     }
 }
 
-// The actions of Table 1, no harder than the vehicle's body can.
+// The accelerations of Table 1, limited to those of the vehicle's body.
 static void limit_actions(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)
 {
     const verge_planner_def* def = model->def;
@@ -74,7 +75,7 @@ static void limit_actions(vg_model* model, const verge_vehicle* vehicle, uint32_
     model->speed_max[slot] = (float)body.speed_max;
 }
 
-static void intend(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)
+static void set_target(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)
 {
     const verge_road* road = model->road;
     const int32_t target =
@@ -92,12 +93,13 @@ static void intend(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)
         const uint8_t changes =
             target < 0 ? 0 : (uint8_t)vg_road_changes(road, lane, (uint32_t)target);
         model->lane_value[slot][lane] = ((good >> lane) & 1u) != 0 ? 1.0f
-                                      : changes == 255 ? 0.0f : (float)VG_VALUE_ONE_CHANGE / (float)changes;
+                                        : changes == VG_NEVER      ? 0.0f
+                                        : (float)VG_VALUE_ONE_CHANGE / (float)changes;
     }
 }
 
 // Eq. 5 is linear in the R_j: X_flow = sum_j weight_j R_j.
-static void weigh(vg_model* model, const verge_vehicle* vehicles)
+static void set_weights(vg_model* model, const verge_vehicle* vehicles)
 {
     const uint32_t count = model->controlled_count;
     for (uint32_t j = 0; j < count; ++j) {
@@ -136,7 +138,7 @@ uint64_t vg_scene_controlled(const verge_scene* scene)
 }
 
 void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, vg_pairs* pairs,
-                   const verge_scene* scene, uint64_t planned)
+                   const verge_scene* scene, uint64_t controlled)
 {
     VERGE_ASSERT(scene->vehicle_count <= pairs->stride && pairs->stride <= VERGE_VEHICLES_MAX);
     const verge_road* road = scene->road;
@@ -145,16 +147,17 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     model->def = def;
     model->road = road;
     model->pairs = pairs;
-    for (uint32_t pass = 0; pass < 2; ++pass) { // planned ones first
+    for (uint32_t pass = 0; pass < 2; ++pass) { // controlled vehicles first
         for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
-            if (scene->positions[i].lane_id == VERGE_NO_LANE || (planned >> i & 1u) != (pass == 0)) {
+            if (scene->positions[i].lane_id == VERGE_NO_LANE
+                || (controlled >> i & 1u) != (pass == 0)) {
                 continue;
             }
             const uint32_t slot = model->count++;
             place(model, flow, scene, i, slot);
             if (pass == 0) {
                 VERGE_ASSERT(slot < VERGE_CONTROLLED_MAX);
-                intend(model, &scene->vehicles[i], slot);
+                set_target(model, &scene->vehicles[i], slot);
                 limit_actions(model, &scene->vehicles[i], slot);
                 flow->previous[slot] = VERGE_ACTION_COUNT;
                 model->controlled_count++;
@@ -173,7 +176,7 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     model->per_reaction = 1.0f / model->reaction;
     model->per_headway = 1.0f / model->headway;
     model->per_both = 1.0f / (float)(def->reaction_s + def->headway_s);
-    weigh(model, scene->vehicles);
+    set_weights(model, scene->vehicles);
     for (uint32_t slot = 0; slot < pairs->stride; ++slot) {
         pairs->lane[slot] = -1;
     }

@@ -5,26 +5,28 @@
 #include "traffic/humans.h"
 #include "traffic/pairs.h"
 
-// Paper, section 4: lane changes are planned for steps of 1.5 s, half a lane each. [s]
+// Half a lane change takes this long (paper, section 4). [s]
 static const float change_step_s = 1.5f;
-// A lane change is not steeper than one in two (d per s), and none begins nearly standing.
-static const float change_slope = 0.5f;
-static const float change_speed_min = 0.5f; // [m/s]
-// A leader nearer than this, and slower than this share of the speed one could drive, is
-// worth a lane change away from the target. [m], [1]
-static const float overtake_sight = 60.0f;
-static const float overtake_pace = 0.6f;
-// Kept free before a lane's end, to merge from standstill. A vehicle slower than `merge_speed` may
-// use it as soon as there is a gap beside. [m], [m/s]
-static const float merge_reserve = 8.0f;
-static const float merge_speed = 2.0f;
+static const float change_slope = 0.5f;     // [1] largest change of d per distance driven
+static const float change_speed_min = 0.5f; // [m/s] lowest speed for a lane change
+// Lane changes away from the target lane are allowed behind a leader that is nearer than this, and
+// slower than this share of the speed limit. [m], [1]
+static const float overtake_distance = 60.0f;
+static const float overtake_speed_share = 0.6f;
+// Distance kept free before the end of a lane, so that a vehicle can merge from standstill. A
+// vehicle slower than `merge_speed` may use it when there is a gap in the neighbouring lane.
+static const float merge_reserve = 8.0f; // [m]
+static const float merge_speed = 2.0f;   // [m/s]
 
-static_assert(VG_ALONG_COUNT == 3, "longitudinal_moves() gives the state after each motion along the lane");
-static_assert(VERGE_ACTION_COUNT == 5, "keep_lane_moves() and changes_allowed() say which actions are legal");
+static_assert(VG_ALONG_COUNT == 3,
+              "longitudinal_moves() gives the state after each motion along the lane");
+static_assert(VERGE_ACTION_COUNT == 5,
+              "keep_lane_moves() and changes_allowed() say which actions are legal");
 
 static void longitudinal_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves);
 static void lateral_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves);
-static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot);
+static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves,
+                            uint32_t slot);
 
 void vg_flow_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 {
@@ -42,13 +44,14 @@ void vg_flow_moves_unchecked(const vg_model* model, const vg_flow* flow, vg_move
     }
     longitudinal_moves(model, flow, moves);
     lateral_moves(model, flow, moves);
-    vg_flow_human_moves(model, flow, (float)model->def->step_s, moves->station[0], moves->v[0], moves->y[0]);
+    vg_flow_human_moves(model, flow, (float)model->def->step_s, moves->station[0], moves->v[0],
+                        moves->y[0]);
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         keep_lane_moves(model, flow, moves, i);
     }
 }
 
-// Table 1, as far as each body can. A deceleration that reaches standstill stops there.
+// Table 1, within the limits of each body. A vehicle that decelerates to standstill stays there.
 static void longitudinal_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 {
     const float dt = (float)model->def->step_s;
@@ -58,57 +61,59 @@ static void longitudinal_moves(const vg_model* model, const vg_flow* flow, vg_mo
         const float per_metre = 1.0f / flow->rate[i];
         const float v_dc = vg_maxf(v - loss, 0.0f);
         const float stopping = v * v * model->stop[i];
-        const float way_dc = v < loss ? stopping : (v + v_dc) * (0.5f * dt);
+        const float distance_dc = v < loss ? stopping : (v + v_dc) * (0.5f * dt);
         moves->station[0][i] = station + v * dt * per_metre;
         moves->station[1][i] = station + (v + 0.5f * gain) * dt * per_metre;
-        moves->station[2][i] = station + way_dc * per_metre;
+        moves->station[2][i] = station + distance_dc * per_metre;
         moves->v[0][i] = v;
         moves->v[1][i] = v + gain;
         moves->v[2][i] = v_dc;
     }
 }
 
-// How far a change goes in one step where speed does not limit it: half the distance between two
-// centrelines, and never past the next centre. d beyond `VG_CENTRED` on the far side: completing a
-// change comes first. [m] to the side in question
-VG_INLINE float change_distance(const vg_flow* flow, uint32_t i, bool to_left, float room)
+// Lateral distance of a lane change to one side in one step, at most `reach` and never past the
+// next centreline. A vehicle with |d| beyond VG_CENTRED on the other side first returns to the
+// centre of its lane, which completes the change that brought it here. [m]
+VG_INLINE float change_distance(const vg_flow* flow, uint32_t i, bool to_left, float reach)
 {
     const float d = to_left ? flow->d[i] : -flow->d[i];
     const float gap = to_left ? flow->left_gap[i] : flow->right_gap[i];
-    return vg_minf(d < -VG_CENTRED ? -d : gap - d, room);
+    return vg_minf(d < -VG_CENTRED ? -d : gap - d, reach);
 }
 
+// Lateral distance of one step where speed does not limit it: half a lane in change_step_s. [m]
 VG_INLINE float change_reach(const vg_model* model, const vg_flow* flow, uint32_t i)
 {
     const float part = 0.5f * (float)model->def->step_s / change_step_s;
     return vg_maxf(vg_maxf(flow->left_gap[i], flow->right_gap[i]), 3.0f) * part;
 }
 
-// Keeping: back to the lane's centre. Nobody gets across steeper than change_slope.
+// Lane keeping returns to the centre of the lane. No lateral motion is steeper than change_slope.
 static void lateral_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 {
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         const float d = flow->d[i], y = flow->y[i];
         const float slope = change_slope * flow->v[i] * (float)model->def->step_s;
-        const float room = vg_minf(change_reach(model, flow, i), slope);
-        moves->y[0][i] = y + vg_maxf(vg_minf(-d, room), -room);
-        moves->y[1][i] = y + change_distance(flow, i, true, room);
-        moves->y[2][i] = y - change_distance(flow, i, false, room);
+        const float reach = vg_minf(change_reach(model, flow, i), slope);
+        moves->y[0][i] = y + vg_maxf(vg_minf(-d, reach), -reach);
+        moves->y[1][i] = y + change_distance(flow, i, true, reach);
+        moves->y[2][i] = y - change_distance(flow, i, false, reach);
     }
 }
 
-// Eq. 3: how far a new speed lies inside the window, >= 0 if it holds. Two margins: to the
-// leader (upper bounds) and to the follower (lower bound).
+// Margins of a new speed in the window of Eq. 3: to the upper bounds, which the leader sets, and to
+// the lower bound, which the follower sets. >= 0: within the window. [m/s]
 typedef struct margins {
     float upper, lower;
 } margins;
 
-// distance: driven beyond what KS drives. [m]
-static margins margins_of(const vg_model* model, const vg_neighbours* w, float half, float v, float way)
+// distance: distance driven in this step minus the distance that KS drives. [m]
+static margins margins_of(const vg_model* model, const vg_neighbours* w, float half, float v,
+                          float distance)
 {
     const float tau = model->reaction, mth = model->headway;
-    const float gap_ahead = w->gap_ahead - half - way;
-    const float gap_behind = w->gap_behind - half + way;
+    const float gap_ahead = w->gap_ahead - half - distance;
+    const float gap_behind = w->gap_behind - half + distance;
     const float upper =
         vg_minf((mth * w->v_ahead + gap_ahead) * model->per_both, gap_ahead * model->per_reaction);
     const float lower = w->v_behind - (gap_behind - tau * w->v_behind) * model->per_headway;
@@ -120,17 +125,19 @@ static bool fits(margins m)
     return m.upper >= 0.0f && m.lower >= 0.0f;
 }
 
-// The end of a lane that leads VG_FAR_AWAY is a standing leader, a little before the end: whoever has
-// to wait there needs way to get going and across.
-static float dead_end_ahead(const vg_model* model, const vg_flow* flow, uint32_t slot, float station)
+// The end of a lane without successor is a standing obstacle, merge_reserve before the end: a
+// vehicle that waits there needs this distance to start and change lane. VG_FAR_AWAY: no obstacle.
+// [m]
+static float dead_end_ahead(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                            float station)
 {
     const vg_lane* lane = &model->road->lanes[flow->lane[slot]];
     return lane->dead_end ? (float)lane->station_end - merge_reserve - station : VG_FAR_AWAY;
 }
 
-// Where nothing in the lane fits the vg_neighbours, the least harmful stays: brake for a leader, else
-// make way for a follower. A vehicle always has a move.
-static uint32_t least_harm(margins ks, margins ac, margins dc)
+// The action where no action in the lane is legal, so that a vehicle always has one: it brakes for
+// a leader, else it accelerates or keeps its speed for a follower.
+static uint32_t emergency_action(margins ks, margins ac, margins dc)
 {
     if (ks.upper < 0.0f || dc.lower >= 0.0f) {
         return 1u << VERGE_DECELERATE;
@@ -138,8 +145,10 @@ static uint32_t least_harm(margins ks, margins ac, margins dc)
     return ac.upper >= 0.0f ? 1u << VERGE_ACCELERATE : 1u << VERGE_KEEP_SPEED;
 }
 
-// Borders, stretches and direction: changes lead towards the target, or around a slower leader.
-static uint32_t changes_allowed(const vg_model* model, const vg_flow* flow, const vg_neighbours* keep, uint32_t slot)
+// Lane changes that road and target allow: where a neighbouring lane may be entered, towards the
+// target lane, around a slower leader, or to complete a change.
+static uint32_t changes_allowed(const vg_model* model, const vg_flow* flow,
+                                const vg_neighbours* keep, uint32_t slot)
 {
     const verge_road* road = model->road;
     const uint32_t lane = (uint32_t)flow->lane[slot];
@@ -153,49 +162,54 @@ static uint32_t changes_allowed(const vg_model* model, const vg_flow* flow, cons
     bool left = finish_left || left_gap > 0.0f;
     bool right = finish_right || right_gap > 0.0f;
     const int32_t target = model->target[slot];
-    const int8_t way = target < 0 ? 0 : (int8_t)vg_road_turn(road, lane, (uint32_t)target);
-    const bool overtake = keep->gap_ahead < overtake_sight
-                          && keep->v_ahead < overtake_pace * flow->limit[slot];
+    const int8_t turn = target < 0 ? 0 : (int8_t)vg_road_turn(road, lane, (uint32_t)target);
+    const bool overtake = keep->gap_ahead < overtake_distance
+                          && keep->v_ahead < overtake_speed_share * flow->limit[slot];
     if (!overtake) {
-        left = left && (way > 0 || finish_left);
-        right = right && (way < 0 || finish_right);
+        left = left && (turn > 0 || finish_left);
+        right = right && (turn < 0 || finish_right);
     }
     return (left ? 1u << VERGE_CHANGE_LEFT : 0u) | (right ? 1u << VERGE_CHANGE_RIGHT : 0u);
 }
 
-// Does a change that comes to y fit the vg_neighbours among those in both lanes it touches? room: the
-// free way that it leaves, ahead or behind. [m]
-static bool change_fits(const vg_model* model, const vg_flow* flow, const vg_moves* moves, uint32_t slot,
-                        float y, float* room)
+// Is a lane change to y legal with respect to the vehicles in both lanes? gap: the smaller gap that
+// it leaves, ahead or behind. [m]
+static bool change_fits(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
+                        uint32_t slot, float y, float* gap)
 {
-    const vg_neighbours w = vg_nearest(model, flow, slot, moves->station[0][slot], y, moves->station[0],
-                          moves->v[0], VG_FAR_AWAY);
+    const vg_neighbours w = vg_nearest(model, flow, slot, moves->station[0][slot], y,
+                                       moves->station[0], moves->v[0], VG_FAR_AWAY);
     const float half = model->half_length[slot];
-    // Eq. 3 lets one cut in a hair ahead of a slower one: room on both sides is asked for too,
-    // less of it where everyone crawls.
-    *room = vg_minf(w.gap_ahead, w.gap_behind) - half;
+    // Eq. 3 alone would allow a change directly ahead of a slower vehicle. Therefore a gap is also
+    // required on both sides, a smaller one at low speed.
+    *gap = vg_minf(w.gap_ahead, w.gap_behind) - half;
     return fits(margins_of(model, &w, half, flow->v[slot], 0.0f))
-           && *room >= vg_minf(model->change_gap, vg_crawling_gap(model, flow->v[slot]));
+           && *gap >= vg_minf(model->change_gap, vg_low_speed_gap(model, flow->v[slot]));
 }
 
-bool vg_flow_check_change(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot,
-                        uint8_t action)
+bool vg_flow_check_change(const vg_model* model, const vg_flow* flow, vg_moves* moves,
+                          uint32_t slot, uint8_t action)
 {
     const uint8_t bit = (uint8_t)(1u << action);
     if ((moves->unchecked[slot] & bit) != 0) {
-        // Who is slow gets across in more steps, but looks as far as the others do.
+        // A slow vehicle needs more steps for the change. The lateral distance that is checked is
+        // the same at all speeds.
         const bool to_left = action == VERGE_CHANGE_LEFT;
-        const float way = change_distance(flow, slot, to_left, change_reach(model, flow, slot));
-        const float y = flow->y[slot] + (to_left ? way : -way);
-        const bool legal = change_fits(model, flow, moves, slot, y, &moves->change_gap[to_left ? 0 : 1][slot]);
+        const float distance =
+            change_distance(flow, slot, to_left, change_reach(model, flow, slot));
+        const float y = flow->y[slot] + (to_left ? distance : -distance);
+        const bool legal =
+            change_fits(model, flow, moves, slot, y, &moves->change_gap[to_left ? 0 : 1][slot]);
         moves->unchecked[slot] = (uint8_t)(moves->unchecked[slot] & ~bit);
         moves->legal[slot] = (uint8_t)(moves->legal[slot] | (legal ? bit : 0u));
     }
     return (moves->legal[slot] & bit) != 0;
 }
 
-// Who waits at a lane's end sets off once there is room beside and way enough to get across.
-static bool may_set_off(const vg_model* model, const vg_flow* flow, const vg_moves* moves, uint32_t slot)
+// May a vehicle that waits at the end of its lane start? It may when there is a gap in the
+// neighbouring lane and enough distance left for the change.
+static bool may_start(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
+                      uint32_t slot)
 {
     const verge_road* road = model->road;
     const uint32_t lane = (uint32_t)flow->lane[slot];
@@ -205,22 +219,24 @@ static bool may_set_off(const vg_model* model, const vg_flow* flow, const vg_mov
     }
     const float rate = flow->rate[slot];
     const float left = ((float)road->lanes[lane].station_end - moves->station[1][slot]) * rate;
-    const int8_t way = target < 0 ? 0 : (int8_t)vg_road_turn(road, lane, (uint32_t)target);
-    const bool to_left = way > 0 || (way == 0 && flow->left_gap[slot] > 0.0f);
+    const int8_t turn = target < 0 ? 0 : (int8_t)vg_road_turn(road, lane, (uint32_t)target);
+    const bool to_left = turn > 0 || (turn == 0 && flow->left_gap[slot] > 0.0f);
     const float across = to_left ? flow->left_gap[slot] : -flow->right_gap[slot];
-    float room;
+    float gap;
     return across != 0.0f && left - model->half_length[slot] > moves->v[1][slot]
-           && change_fits(model, flow, moves, slot, flow->y[slot] + 0.5f * across, &room);
+           && change_fits(model, flow, moves, slot, flow->y[slot] + 0.5f * across, &gap);
 }
 
-// The single pruning of section 3.1.3. Everyone's neighbours are taken at the same instant as
-// the new state, t + 1, planned ones at their present speed.
-static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot)
+// The pruning of single actions (section 3.1.3). The neighbours are taken at the instant of the new
+// state, t + 1, where controlled vehicles have kept their present speed.
+static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves,
+                            uint32_t slot)
 {
     const float station = moves->station[0][slot], rate = flow->rate[slot];
     const float half = model->half_length[slot];
-    const vg_neighbours keep = vg_nearest(model, flow, slot, station, moves->y[0][slot], moves->station[0],
-                             moves->v[0], dead_end_ahead(model, flow, slot, station));
+    const vg_neighbours keep =
+        vg_nearest(model, flow, slot, station, moves->y[0][slot], moves->station[0], moves->v[0],
+                   dead_end_ahead(model, flow, slot, station));
     const margins ks = margins_of(model, &keep, half, moves->v[0][slot], 0.0f);
     const margins ac = margins_of(model, &keep, half, moves->v[1][slot],
                                   (moves->station[1][slot] - station) * rate);
@@ -234,9 +250,9 @@ static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves
         legal |= 1u << VERGE_DECELERATE;
     }
     if (legal == 0) {
-        legal = least_harm(ks, ac, dc);
+        legal = emergency_action(ks, ac, dc);
     }
-    if (may_set_off(model, flow, moves, slot)) {
+    if (may_start(model, flow, moves, slot)) {
         legal |= 1u << VERGE_ACCELERATE;
     }
     moves->legal[slot] = (uint8_t)legal;

@@ -1,5 +1,5 @@
-/// What each vehicle could do in one decision step: the actions of Table 1, the speed window of
-/// Eq. 2 and 3 and the pruning of single actions (section 3.1.3).
+/// The legal actions of each vehicle in one decision step, and the states they lead to: the actions
+/// of Table 1, the speed window of Eq. 2 and 3, the pruning of single actions (section 3.1.3).
 #ifndef VG_MOVES_H
 #define VG_MOVES_H
 
@@ -10,29 +10,29 @@
 extern "C" {
 #endif
 
-/// States after one step. Uncontrolled vehicles have one move, in place of KS.
+/// States after one step. Uncontrolled vehicles have one state, stored as that of KS.
 typedef struct vg_moves {
     VG_ALIGNED float station[VG_ALONG_COUNT][VERGE_VEHICLES_MAX]; ///< [m] by vg_along
     VG_ALIGNED float v[VG_ALONG_COUNT][VERGE_VEHICLES_MAX];       ///< [m/s] by vg_along
     VG_ALIGNED float y[VG_ACROSS_COUNT][VERGE_VEHICLES_MAX];      ///< [m] by vg_across
-    float   change_gap[2][VERGE_CONTROLLED_MAX]; ///< [m] that a legal change to the left, right leaves
+    float   change_gap[2][VERGE_CONTROLLED_MAX]; ///< [m] left by a legal change to the left, right
     uint8_t legal[VERGE_CONTROLLED_MAX];         ///< set of actions (bits), never empty
-    uint8_t unchecked[VERGE_CONTROLLED_MAX];     ///< lane changes (bits) wanted but not yet checked
+    uint8_t unchecked[VERGE_CONTROLLED_MAX];     ///< lane changes (bits) not yet checked for gaps
 } vg_moves;
 
-/// Every vehicle's moves, each legal on its own; no change is left unchecked.
+/// Computes the moves of all vehicles and checks all lane changes. Each move is legal on its own.
 void vg_flow_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves);
 
-/// The same without the check of the neighbouring lanes: a simulation draws one action in a
-/// handful, so most lane changes never need the check.
+/// The same without the check of the neighbouring lanes. A simulation draws one of up to five
+/// actions, so most lane changes never need the check.
 void vg_flow_moves_unchecked(const vg_model* model, const vg_flow* flow, vg_moves* moves);
 
-/// Checks whether an unchecked change is legal, and moves it to the legal ones if so.
-bool vg_flow_check_change(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot,
-                          uint8_t action);
+/// Checks whether an unchecked lane change is legal. If it is, it becomes one of the legal actions.
+bool vg_flow_check_change(const vg_model* model, const vg_flow* flow, vg_moves* moves,
+                          uint32_t slot, uint8_t action);
 
-/// Gap that is enough where traffic crawls. [m]
-static inline float vg_crawling_gap(const vg_model* model, float v)
+/// Gap that is sufficient at low speed v. [m]
+static inline float vg_low_speed_gap(const vg_model* model, float v)
 {
     return (float)model->def->idm_gap + (float)model->def->idm_headway_s * v;
 }

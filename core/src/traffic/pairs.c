@@ -3,8 +3,8 @@
 
 #include "base/contract.h"
 
-// Merging vehicles are related from this far before their lanes come close. [m]
-static const float merge_sight = 40.0f;
+// Vehicles on merging lanes see each other from this distance before the lanes come close. [m]
+static const float merge_range = 40.0f;
 
 vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max)
 {
@@ -48,25 +48,25 @@ void vg_pairs_update(const vg_model* model, const vg_flow* flow)
     }
 }
 
-// Merging vehicles are not related until the lanes come close.
+// Vehicles on merging lanes do not see each other until the lanes come close.
 VG_INLINE bool is_visible(const vg_model* model, const vg_flow* flow, uint32_t i, uint32_t j)
 {
-    return model->single_axis || flow->station[i] > vg_pair_row(model, i)[j].touch - merge_sight;
+    return model->single_axis || flow->station[i] > vg_pair_row(model, i)[j].touch - merge_range;
 }
 
-// What one look of a vehicle reads and finds.
-typedef struct look {
+// One search for neighbours: its inputs and its result.
+typedef struct neighbour_query {
     const vg_model* model;
     const vg_flow*  flow;
     uint32_t i;           // the observing slot
-    float    station, y;  // where it looks from
+    float    station, y;  // of the observer
     const float *stations, *v; // of all slots
     vg_neighbours found;
-} look;
+} neighbour_query;
 
-// The innermost loop of the search, over the slots from `from` to `to`, which do not hold the observer:
-// what it reads stands in locals, and the case of a single axis is compiled apart.
-VG_INLINE void scan(look* self, uint32_t from, uint32_t to, bool single_axis)
+// The innermost loop of the search, over the slots from `from` to `to` - 1, without the observer.
+// Its inputs are local variables, and the case of a single axis is compiled separately, for speed.
+VG_INLINE void scan(neighbour_query* self, uint32_t from, uint32_t to, bool single_axis)
 {
     const vg_model* model = self->model;
     const float* restrict ys = self->flow->y;
@@ -74,7 +74,7 @@ VG_INLINE void scan(look* self, uint32_t from, uint32_t to, bool single_axis)
     const float* restrict half_width = model->half_width;
     const float* restrict half_length = model->half_length;
     const vg_pair* restrict row = vg_pair_row(model, self->i);
-    const float width = model->half_width[self->i] + VG_PATH_AIR, rate = self->flow->rate[self->i];
+    const float width = model->half_width[self->i] + VG_PATH_GAP, rate = self->flow->rate[self->i];
     const float station = self->station, y = self->y;
     vg_neighbours w = self->found;
     for (uint32_t j = from; j < to; ++j) {
@@ -97,12 +97,12 @@ VG_INLINE void scan(look* self, uint32_t from, uint32_t to, bool single_axis)
     self->found = w;
 }
 
-vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i, float station, float y,
-                         const float* stations, const float* v, float free_ahead)
+vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i, float station,
+                         float y, const float* stations, const float* v, float free_ahead)
 {
     VERGE_ASSERT(i < model->count);
-    look self = { model, flow, i, station, y, stations, v,
-                  { .gap_ahead = free_ahead, .gap_behind = VG_FAR_AWAY } };
+    neighbour_query self = { model, flow, i, station, y, stations, v,
+                             { .gap_ahead = free_ahead, .gap_behind = VG_FAR_AWAY } };
     if (model->single_axis) {
         scan(&self, 0, i, true);
         scan(&self, i + 1u, model->count, true);
@@ -122,7 +122,7 @@ void vg_flow_neighbours(const vg_model* model, const vg_flow* flow, uint32_t slo
         vg_pairs_update(model, flow);
     }
     for (uint32_t j = 0; j < model->count; ++j) {
-        const float width = model->half_width[slot] + model->half_width[j] + VG_PATH_AIR;
+        const float width = model->half_width[slot] + model->half_width[j] + VG_PATH_GAP;
         const float dy = vg_gap_left(model, slot, j, flow->y[slot], flow->y[j]);
         const float ds = vg_gap_along(model, slot, j, 1.0f, flow->station[slot], flow->station[j]);
         if (vg_fabsf(dy) >= width || j == slot) {

@@ -4,40 +4,45 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 
-// How near to the target a vehicle is that keeps to its lane's centre. [1] 0 .. 1
+// Value of the vehicle's lane; 0 between lanes. [1] 0 .. 1
 static float lane_value(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
-    return vg_fabsf(flow->d[slot]) <= VG_REACHED_OFFSET ? model->lane_value[slot][flow->lane[slot]] : 0.0f;
+    return vg_fabsf(flow->d[slot]) <= VG_REACHED_OFFSET ? model->lane_value[slot][flow->lane[slot]]
+                                                        : 0.0f;
 }
 
-// Speed in parts of what the place asks for, see cruise_share; too fast is as bad. [1] 0 .. 1
+// Speed relative to cruise_share times the speed limit. It falls again above the limit. [1] 0 .. 1
 static float speed_share(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
     const float v = flow->v[slot], limit = flow->limit[slot];
-    return v > limit ? limit / v : vg_minf(v, model->cruise_share * limit) / (model->cruise_share * limit);
+    return v > limit ? limit / v
+                     : vg_minf(v, model->cruise_share * limit) / (model->cruise_share * limit);
 }
 
-// What setting out for another lane costs where it leaves less room than wanted. [1] 0 .. 1
-static float gap_penalty(const vg_model* model, const vg_flow* before, const vg_moves* moves, uint32_t slot,
-                       uint8_t action)
+// Penalty for the start of a lane change that leaves a smaller gap than wanted. [1] 0 .. 1
+static float gap_penalty(const vg_model* model, const vg_flow* before, const vg_moves* moves,
+                         uint32_t slot, uint8_t action)
 {
     const float d = before->d[slot];
-    if (vg_actions[action].along != 0 || vg_actions[action].across == 0 || d > VG_CENTRED || d < -VG_CENTRED) {
+    const vg_action_row* row = &vg_actions[action];
+    if (row->along != 0 || row->across == 0 || d > VG_CENTRED || d < -VG_CENTRED) {
         return 0.0f;
     }
-    const float room = moves->change_gap[vg_actions[action].across - 1u][slot];
-    const float wanted = vg_minf(model->change_gap_wanted, 2.0f * vg_crawling_gap(model, before->v[slot]));
-    return room < wanted ? 1.0f - room / wanted : 0.0f;
+    const float gap = moves->change_gap[row->across - 1u][slot];
+    const float wanted =
+        vg_minf(model->change_gap_wanted, 2.0f * vg_low_speed_gap(model, before->v[slot]));
+    return gap < wanted ? 1.0f - gap / wanted : 0.0f;
 }
 
-VG_INLINE void earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
-                    uint32_t slot, uint8_t action)
+VG_INLINE void earn(const vg_model* model, const vg_flow* before, const vg_moves* moves,
+                    vg_flow* next, uint32_t slot, uint8_t action)
 {
     const verge_planner_def* def = model->def;
     const float share = 1.0f / (float)def->steps;
     float credit = before->credit[slot];
     float driven = 0.0f;
-    credit += (float)def->reward_lane * share * lane_value(model, next, slot) * speed_share(model, next, slot);
+    credit += (float)def->reward_lane * share * lane_value(model, next, slot)
+              * speed_share(model, next, slot);
     if (vg_flow_in_target(model, next, slot)) {
         driven = before->driven[slot] + next->v[slot] * (float)def->step_s;
     }
@@ -51,8 +56,8 @@ VG_INLINE void earn(const vg_model* model, const vg_flow* before, const vg_moves
     next->previous[slot] = action;
 }
 
-void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
-                  const uint8_t* actions)
+void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves,
+                  vg_flow* next, const uint8_t* actions)
 {
     for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
         earn(model, before, moves, next, slot, actions[slot]);
@@ -78,7 +83,7 @@ bool vg_flow_terminal(const vg_model* model, const vg_flow* flow)
     return wanted;
 }
 
-// A terminal flow drives on as it is: its remaining steps earn what the last one would.
+// The remaining steps of a terminal flow earn the same as one more step in this state.
 double vg_flow_reward(const vg_model* model, const vg_flow* flow, uint32_t step, bool whole)
 {
     const verge_planner_def* def = model->def;
@@ -88,8 +93,9 @@ double vg_flow_reward(const vg_model* model, const vg_flow* flow, uint32_t step,
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         double reward = (double)flow->credit[i];
         if (whole) {
-            const double pace = (double)speed_share(model, flow, i);
-            reward += (def->reward_target + def->reward_lane * rest * pace) * (double)lane_value(model, flow, i)
+            const double speed = (double)speed_share(model, flow, i);
+            reward += (def->reward_target + def->reward_lane * rest * speed)
+                          * (double)lane_value(model, flow, i)
                       + def->reward_consistency * rest;
         }
         sum += (double)model->weight[i] * reward;

@@ -1,4 +1,4 @@
-/// What a joint plan is worth: the three parts of R_i (section 3.1.4) and X_flow (Eq. 5).
+/// The reward of a joint plan: the three parts of R_i (section 3.1.4) and X_flow (Eq. 5).
 #ifndef VG_REWARD_H
 #define VG_REWARD_H
 
@@ -8,18 +8,19 @@
 extern "C" {
 #endif
 
-/// Adds what each controlled slot earns by the action that led from `before` to `next`.
-void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves, vg_flow* next,
-                  const uint8_t* actions);
+/// Adds the reward that each controlled slot earns by its action from `before` to `next`.
+void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* moves,
+                  vg_flow* next, const uint8_t* actions);
 
-/// All have driven target_distance in their target lanes (or have no target).
+/// All controlled vehicles with a target have driven target_distance in their target lanes.
 bool vg_flow_terminal(const vg_model* model, const vg_flow* flow);
 
-/// In its target lane (or one that continues it) and within VG_REACHED_OFFSET of its centre.
+/// The vehicle is in its target lane, or in a lane that continues it, and within VG_REACHED_OFFSET
+/// of its centre.
 bool vg_flow_in_target(const vg_model* model, const vg_flow* flow, uint32_t slot);
 
 /// X_flow (Eq. 5) of a simulation that ended in this flow after `step` of def->steps steps.
-/// whole: it ended well (horizon or terminal); else the remaining steps earn nothing.
+/// whole: it reached the horizon or a terminal flow. If not, the remaining steps earn nothing.
 double vg_flow_reward(const vg_model* model, const vg_flow* flow, uint32_t step, bool whole);
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-/// Vehicles on the road: checked, ordered by id, each on the lane it drives along.
+/// The vehicles on the road: checked, ordered by id, each with the lane it drives along.
 #include "verge/scene.h"
 
 #include "verge/limits.h"
@@ -11,7 +11,8 @@
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v);
 static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count);
-static verge_lane_position locate(const verge_road* road, const verge_vehicle* v, int32_t lane_before);
+static verge_lane_position locate(const verge_road* road, const verge_vehicle* v,
+                                  int32_t lane_before);
 
 verge_status verge_scene_place(verge_scene* scene, int64_t utime, const verge_vehicle* vehicles,
                                uint32_t vehicle_count, const verge_scene* before)
@@ -76,7 +77,7 @@ static bool habit_holds(const verge_habit* habit)
     return habit->cooperation >= 0.0 && habit->cooperation <= 1.0;
 }
 
-// Not given at all, or of this vehicle's size and good by itself.
+// A body is valid if it is not given, or if its numbers are in range and it has the vehicle's size.
 static bool body_holds(const verge_vehicle* v)
 {
     const verge_body* body = &v->body;
@@ -88,12 +89,13 @@ static bool body_holds(const verge_vehicle* v)
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v)
 {
-    const bool wish = v->target_lane == VERGE_NO_LANE || vg_road_lane_index(road, v->target_lane) >= 0;
-    return v->id >= 0 && verge_vehicle_check(v, NULL) && body_holds(v) && wish
+    const bool target_known =
+        v->target_lane == VERGE_NO_LANE || vg_road_lane_index(road, v->target_lane) >= 0;
+    return v->id >= 0 && verge_vehicle_check(v, NULL) && body_holds(v) && target_known
            && (!v->controlled || habit_holds(&v->habit));
 }
 
-// Copies the vehicles in the order of their ids, by insertion: few, and often sorted already.
+// Copies the vehicles in the order of their ids. Insertion sort: they are few and often sorted.
 static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count)
 {
     verge_vehicle* sorted = scene->vehicles;
@@ -117,8 +119,9 @@ static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, ui
     return VERGE_OK;
 }
 
-// The lane the vehicle had before, else the lane that continues it.
-static verge_lane_position locate_from(const verge_road* road, const verge_vehicle* v, int32_t lane_before)
+// Position on the lane that the vehicle had before, else on the lane that continues it.
+static verge_lane_position locate_from(const verge_road* road, const verge_vehicle* v,
+                                       int32_t lane_before)
 {
     const verge_lane_position at = verge_road_project(road, v->x, v->y, v->heading, lane_before);
     if (lane_before == VERGE_NO_LANE || at.lane_id == lane_before) {
@@ -129,7 +132,10 @@ static verge_lane_position locate_from(const verge_road* road, const verge_vehic
     return next == VERGE_NO_LANE ? at : verge_road_project(road, v->x, v->y, v->heading, next);
 }
 
-static verge_lane_position locate(const verge_road* road, const verge_vehicle* v, int32_t lane_before)
+// Position on the lane that the vehicle drives along. If its target lane cannot be reached from
+// there, a lane that also contains the vehicle and needs the fewest lane changes is taken instead.
+static verge_lane_position locate(const verge_road* road, const verge_vehicle* v,
+                                  int32_t lane_before)
 {
     verge_lane_position at = locate_from(road, v, lane_before);
     const int32_t target = v->controlled ? vg_road_lane_index(road, v->target_lane) : -1;
@@ -138,7 +144,8 @@ static verge_lane_position locate(const verge_road* road, const verge_vehicle* v
     }
     uint32_t fewest =
         vg_road_changes(road, (uint32_t)vg_road_lane_index(road, at.lane_id), (uint32_t)target);
-    const bool never = fewest == VG_NEVER && !verge_road_continues(road, v->target_lane, at.lane_id);
+    const bool never =
+        fewest == VG_NEVER && !verge_road_continues(road, v->target_lane, at.lane_id);
     for (uint32_t lane = 0; never && lane < road->lane_count; ++lane) {
         const uint32_t changes = vg_road_changes(road, lane, (uint32_t)target);
         if (changes < fewest) {
@@ -175,7 +182,7 @@ uint32_t vg_scene_bodies(const verge_scene* scene)
     return count;
 }
 
-// Rectangles of a vehicle: its own and, of an articulated one, its trailer's. Returns how many.
+// Rectangles of a vehicle and of its trailer, if it has one. Returns their number.
 static uint32_t bodies_of(const verge_vehicle* v, vg_rectangle bodies[2])
 {
     bodies[0] = body_of(v);
@@ -196,7 +203,8 @@ bool verge_vehicles_overlap(const verge_vehicle* a, const verge_vehicle* b)
     const uint32_t first_count = bodies_of(a, first), second_count = bodies_of(b, second);
     bool overlap = false;
     for (uint32_t i = 0; i < first_count * second_count; ++i) {
-        overlap = overlap || vg_rectangle_overlap(&first[i / second_count], &second[i % second_count]);
+        overlap =
+            overlap || vg_rectangle_overlap(&first[i / second_count], &second[i % second_count]);
     }
     return overlap;
 }

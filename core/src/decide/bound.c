@@ -6,72 +6,76 @@
 #include "base/scalar.h"
 
 typedef enum kind {
-    nothing, // before the first step: any action goes with it
+    nothing, // before the first step; any action counts as a repetition of it
     keep,
     accelerate,
     change,
     kind_count,
 } kind;
 
-static_assert(VERGE_ACTION_COUNT == 5, "a bound counts every kind of action: keep, accelerate, change");
+static_assert(VERGE_ACTION_COUNT == 5,
+              "a bound counts every kind of action: keep, accelerate, change");
 
 // One vehicle's problem.
 typedef struct problem {
-    const vg_model* scene;
+    const vg_model* model;
     uint32_t steps, slot;
-    uint32_t halves;   // half changes from here to the target's centre
-    bool     lost;     // no way to the target is known: nothing is ruled out
-    double   v, gain;  // [m/s]
-    double   full;     // [m/s] speed at which a step earns all
-    double   limit;    // [m/s] beyond which nobody accelerates
+    uint32_t halves;      // half lane changes from here to the centre of the target lane
+    bool     unreachable; // no route to the target lane: every lane has the full value
+    double   v, gain;     // [m/s] speed now; speed gained by AC in one step
+    double   full_speed;  // [m/s] lowest speed at which a step earns its full reward
+    double   speed_limit; // [m/s] no acceleration above it
 } problem;
 
 // Values of one step: [half changes made][times accelerated][last kind].
 typedef double layer[VERGE_STEPS_MAX + 1][VERGE_STEPS_MAX + 1][kind_count];
 
-// Worth of a place with this many half changes left; between lanes nothing.
-static double worth_of(const problem* self, uint32_t left)
+// Value of a position with this many half changes left; 0 between lanes. [1]
+static double place_value(const problem* self, uint32_t left)
 {
-    if (self->lost || left == 0) {
+    if (self->unreachable || left == 0) {
         return 1.0;
     }
     return left % 2u == 0 ? VG_VALUE_ONE_CHANGE / (double)(left / 2u) : 0.0;
 }
 
-static double pace_of(const problem* self, uint32_t accelerated)
+// Share of full_speed that a vehicle has after accelerating this many times. [1]
+static double speed_share(const problem* self, uint32_t accelerated)
 {
-    return vg_min((self->v + self->gain * (double)accelerated) / self->full, 1.0);
+    return vg_min((self->v + self->gain * (double)accelerated) / self->full_speed, 1.0);
 }
 
-// Ending here, by the horizon or because all are done: the remaining share earns as it stands.
+// Reward of a plan that ends here, at the horizon or in a terminal flow. The remaining steps earn
+// what one more step in this state would.
 static double end_value(const problem* self, uint32_t left, uint32_t accelerated, double rest)
 {
-    const verge_planner_def* def = self->scene->def;
-    return worth_of(self, left)
-               * (def->reward_target + def->reward_lane * rest * pace_of(self, accelerated))
+    const verge_planner_def* def = self->model->def;
+    return place_value(self, left)
+               * (def->reward_target + def->reward_lane * rest * speed_share(self, accelerated))
            + def->reward_consistency * rest;
 }
 
-// The best that can follow from one state, given the values a step later.
+// Largest reward that can follow one state, from the values one step later.
 static double best_value(const problem* self, const layer* later, uint32_t step, uint32_t made,
                          uint32_t accelerated, kind last)
 {
-    const verge_planner_def* def = self->scene->def;
+    const verge_planner_def* def = self->model->def;
     const double share = 1.0 / (double)self->steps;
     const uint32_t left = self->halves - made;
     double best = end_value(self, left, accelerated, (double)(self->steps - step) * share);
     for (kind k = keep; k <= change; k = (kind)(k + 1)) {
-        // Between lanes keeping goes to a centre as well; a change that has arrived is none.
-        const uint32_t on = left > 0 && (k == change || left % 2u == 1u) ? 1u : 0u;
+        // Between lanes, lane keeping moves to a centre as well. No change beyond the target lane.
+        const uint32_t advanced = left > 0 && (k == change || left % 2u == 1u) ? 1u : 0u;
         const uint32_t faster = k == accelerate ? 1u : 0u;
         const double v = self->v + self->gain * (double)(accelerated + faster);
-        if ((k == change && left == 0) || (k == accelerate && v > self->limit + 1e-3)) {
+        if ((k == change && left == 0) || (k == accelerate && v > self->speed_limit + 1e-3)) {
             continue;
         }
-        const double lane = worth_of(self, left - on) * pace_of(self, accelerated + faster);
+        const double lane =
+            place_value(self, left - advanced) * speed_share(self, accelerated + faster);
         const double steady = last == nothing || last == k ? def->reward_consistency : 0.0;
         const double value = share * (def->reward_lane * lane + steady)
-                             + (*later)[made + on][accelerated + faster][k];
+                             + (*later)[made + advanced][accelerated + faster][k];
         best = value > best ? value : best;
     }
     return best;
@@ -102,43 +106,44 @@ static double solve(const problem* self)
     return buffer[0][0][0][nothing];
 }
 
-static problem problem_of(const vg_model* scene, const vg_flow* root, uint32_t slot, double full,
-                          double limit)
+static problem problem_of(const vg_model* model, const vg_flow* root, uint32_t slot,
+                          double full_speed, double speed_limit)
 {
-    const verge_road* road = scene->road;
+    const verge_road* road = model->road;
     const uint32_t lane = (uint32_t)root->lane[slot];
-    const int32_t target = scene->target[slot];
-    const bool good = ((scene->target_lanes[slot] >> lane) & 1u) != 0;
+    const int32_t target = model->target[slot];
+    const bool good = ((model->target_lanes[slot] >> lane) & 1u) != 0;
     const uint8_t changes =
         target < 0 || good ? 0 : (uint8_t)vg_road_changes(road, lane, (uint32_t)target);
-    // Off the centre half a change may have been made already.
-    const bool begun = root->d[slot] > 0.3f || root->d[slot] < -0.3f;
+    // Away from the centre, half a change may have been made already.
+    const bool begun = root->d[slot] > VG_CENTRED || root->d[slot] < -VG_CENTRED;
     const uint32_t halves = 2u * (uint32_t)changes;
     return (problem){
-        .scene = scene,
-        .steps = scene->def->steps,
+        .model = model,
+        .steps = model->def->steps,
         .slot = slot,
-        .halves = changes == 255 ? 0u : begun && halves > 0 ? halves - 1u : halves,
-        .lost = changes == 255,
+        .halves = changes == VG_NEVER ? 0u : begun && halves > 0 ? halves - 1u : halves,
+        .unreachable = changes == VG_NEVER,
         .v = (double)root->v[slot],
-        .gain = scene->acceleration[slot] * scene->def->step_s,
-        .full = full,
-        .limit = limit,
+        .gain = model->acceleration[slot] * model->def->step_s,
+        .full_speed = full_speed,
+        .speed_limit = speed_limit,
     };
 }
 
-double vg_flow_bound(const vg_model* scene, const vg_flow* root)
+double vg_flow_bound(const vg_model* model, const vg_flow* root)
 {
-    // The slowest lane is the easiest to drive at full pace, the fastest lets accelerate longest.
-    double full = VG_HUGE, limit = 0.0;
-    for (uint32_t lane = 0; lane < scene->road->lane_count; ++lane) {
-        full = vg_min(full, (double)scene->cruise_share * scene->road->lanes[lane].speed_min);
-        limit = vg_max(limit, scene->road->lanes[lane].speed_limit);
+    // Of all lanes, the lowest speed for the full reward and the highest speed limit.
+    double full_speed = VG_HUGE, speed_limit = 0.0;
+    for (uint32_t lane = 0; lane < model->road->lane_count; ++lane) {
+        full_speed =
+            vg_min(full_speed, (double)model->cruise_share * model->road->lanes[lane].speed_min);
+        speed_limit = vg_max(speed_limit, model->road->lanes[lane].speed_limit);
     }
     double sum = 0.0;
-    for (uint32_t slot = 0; slot < scene->controlled_count; ++slot) {
-        const problem alone = problem_of(scene, root, slot, full, limit);
-        sum += (double)scene->weight[slot] * solve(&alone);
+    for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
+        const problem alone = problem_of(model, root, slot, full_speed, speed_limit);
+        sum += (double)model->weight[slot] * solve(&alone);
     }
     // Single-precision credits may round up by a few units in the last place.
     return vg_min(sum + 1e-5, 1.0);

@@ -1,9 +1,10 @@
-/// What no joint plan can exceed: each vehicle's best R_i if it had the road to itself.
+/// An upper bound of X_flow: the weighted sum of the best R_i that each vehicle could have on an
+/// empty road.
 ///
-/// Dynamic programming over (step, half lane changes left, times accelerated, last kind of
-/// action), others and legal stretches ignored, everything rounded upwards; so
-/// the weighted sum is an admissible bound of X_flow. DC is left out: where nobody is ahead it
-/// earns nothing that KS does not. Cost: a few thousand operations a vehicle.
+/// Dynamic programming over (step, half lane changes left, times accelerated, last kind of action).
+/// Other vehicles and legal stretches are ignored and all values are rounded upwards, so the bound
+/// is admissible. DC is left out: on an empty road it never earns more than KS. Cost: a few
+/// thousand operations a vehicle.
 #ifndef VG_BOUND_H
 #define VG_BOUND_H
 
@@ -14,7 +15,7 @@ extern "C" {
 #endif
 
 /// [1] in [0, 1]; X_flow of every plan from this flow is at most this.
-double vg_flow_bound(const vg_model* scene, const vg_flow* root);
+double vg_flow_bound(const vg_model* model, const vg_flow* root);
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,6 @@
-/// The decision stage: from a scene to action steps. The search works on actions of slots in single
-/// precision; here its result becomes a verge_decision, and what was decided before becomes the
-/// search's warm start.
+/// The decision stage: from a scene to action steps. The search works on slots in single precision.
+/// Here its result is converted to a verge_decision, and the last decision (verge_commitment) to
+/// the warm start of the search.
 #include "verge/decision.h"
 
 #include "base/arena.h"
@@ -17,19 +17,20 @@ struct verge_decider {
     vg_tree*  tree;
     vg_pairs* pairs;
     vg_model* model;
-    vg_flow*  flows;    // [2] root, and a step later
+    vg_flow*  flows;    // [2] the root, and the state one step later
     uint32_t  nodes_peak, bytes_per_node;
 };
 
 static verge_decider* take(vg_arena* arena, const verge_planner_def* def);
-static bool recall(const verge_decider* self, const verge_scene* scene, const verge_commitment* commitment,
-                   vg_joint_actions* line);
-static void commit(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
-                   verge_commitment* commitment);
-static bool confirms(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
-                     const vg_joint_actions* warm, const verge_commitment* commitment);
-static void write_steps(verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
-                        verge_decision* decision);
+static bool recall(const verge_decider* self, const verge_scene* scene,
+                   const verge_commitment* commitment, vg_joint_actions* sequence);
+static void commit(const verge_decider* self, const verge_scene* scene,
+                   const vg_joint_actions* sequence, verge_commitment* commitment);
+static bool confirms(const verge_decider* self, const verge_scene* scene,
+                     const vg_joint_actions* sequence, const vg_joint_actions* warm,
+                     const verge_commitment* commitment);
+static void write_steps(verge_decider* self, const verge_scene* scene,
+                        const vg_joint_actions* sequence, verge_decision* decision);
 
 // ---------------------------------------------------------------------------- memory
 
@@ -84,17 +85,18 @@ void verge_decider_nodes(const verge_decider* self, uint32_t* nodes_peak, uint32
 
 // ---------------------------------------------------------------------------- one decision
 
-verge_status verge_decide(verge_decider* self, const verge_scene* scene, verge_commitment* commitment,
-                          verge_decision* decision)
+verge_status verge_decide(verge_decider* self, const verge_scene* scene,
+                          verge_commitment* commitment, verge_decision* decision)
 {
     VERGE_ASSERT(self != NULL && scene != NULL && commitment != NULL && decision != NULL);
-    const uint64_t planned = vg_scene_controlled(scene);
-    const uint32_t most = self->def.controlled_max < decision->vehicles_max ? self->def.controlled_max
-                                                                            : decision->vehicles_max;
-    if (scene->vehicle_count > self->def.vehicles_max || vg_bits(planned) > most) {
+    const uint64_t controlled = vg_scene_controlled(scene);
+    const uint32_t most = self->def.controlled_max < decision->vehicles_max
+                              ? self->def.controlled_max
+                              : decision->vehicles_max;
+    if (scene->vehicle_count > self->def.vehicles_max || vg_bits(controlled) > most) {
         return VERGE_ERR_CAPACITY;
     }
-    vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, planned);
+    vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
     decision->utime = scene->utime;
     decision->vehicle_count = self->model->controlled_count;
     decision->passing_count = 0;
@@ -103,15 +105,16 @@ verge_status verge_decide(verge_decider* self, const verge_scene* scene, verge_c
         commitment->vehicle_count = 0;
         return VERGE_OK;
     }
-    vg_joint_actions warm, line;
-    const bool warmed = self->def.search == VERGE_SEARCH_BEST && recall(self, scene, commitment, &warm);
+    vg_joint_actions warm, sequence;
+    const bool is_warm =
+        self->def.search == VERGE_SEARCH_BEST && recall(self, scene, commitment, &warm);
     vg_random random = vg_random_from(self->def.seed, commitment->decisions++);
-    vg_search_run(self->tree, self->model, &self->flows[0], &random, warmed ? &warm : NULL, &line,
-                  &decision->search);
-    if (!warmed || !confirms(self, scene, &line, &warm, commitment)) {
-        commit(self, scene, &line, commitment);
+    vg_search_run(self->tree, self->model, &self->flows[0], &random, is_warm ? &warm : NULL,
+                  &sequence, &decision->search);
+    if (!is_warm || !confirms(self, scene, &sequence, &warm, commitment)) {
+        commit(self, scene, &sequence, commitment);
     }
-    write_steps(self, scene, &line, decision);
+    write_steps(self, scene, &sequence, decision);
     const uint32_t nodes = decision->search.nodes;
     self->nodes_peak = nodes > self->nodes_peak ? nodes : self->nodes_peak;
     self->bytes_per_node = vg_node_size(self->model->count, self->model->controlled_count);
@@ -125,8 +128,9 @@ static int32_t id_of(const verge_decider* self, const verge_scene* scene, int32_
 
 // ---------------------------------------------------------------------------- commitment
 
-// The action a vehicle is committed to at a time [s] after the commitment; ACTION_COUNT: none.
-static uint8_t committed_action(const verge_commitment* commitment, int32_t id, double t, double step_s)
+// The action of a vehicle at a time [s] after the commitment; VERGE_ACTION_COUNT: none.
+static uint8_t committed_action(const verge_commitment* commitment, int32_t id, double t,
+                                double step_s)
 {
     if (t < 0.0 || t >= (double)commitment->step_count * step_s) {
         return VERGE_ACTION_COUNT;
@@ -139,11 +143,11 @@ static uint8_t committed_action(const verge_commitment* commitment, int32_t id, 
     return VERGE_ACTION_COUNT;
 }
 
-// The commitment moved to now: each step takes what was decided for its middle. Its age counts from
-// when it was decided first: counted from its last confirmation, a lane change decided for the next
-// step would stay decided for the next step. Older than 100 s it is ignored.
-static bool recall(const verge_decider* self, const verge_scene* scene, const verge_commitment* commitment,
-                   vg_joint_actions* line)
+// Shifts the commitment to the present: each step gets the action decided for its middle. The age
+// is counted from the first decision. If it were counted from the last confirmation, a lane change
+// decided for the next step would be postponed for ever. Commitments older than 100 s are ignored.
+static bool recall(const verge_decider* self, const verge_scene* scene,
+                   const verge_commitment* commitment, vg_joint_actions* sequence)
 {
     const double step_s = self->def.step_s;
     const double age = vg_seconds_between(commitment->utime, scene->utime);
@@ -151,52 +155,54 @@ static bool recall(const verge_decider* self, const verge_scene* scene, const ve
     if (!(age >= 0.0 && age < 100.0)) {
         return false;
     }
-    line->step_count = self->def.steps;
-    for (uint32_t t = 0; t < line->step_count; ++t) {
+    sequence->step_count = self->def.steps;
+    for (uint32_t t = 0; t < sequence->step_count; ++t) {
         for (uint32_t slot = 0; slot < self->model->controlled_count; ++slot) {
             const double at = age + ((double)t + 0.5) * step_s;
             const uint8_t action =
                 committed_action(commitment, id_of(self, scene, (int32_t)slot), at, step_s);
             any = any || action < VERGE_ACTION_COUNT;
-            line->actions[t][slot] = action < VERGE_ACTION_COUNT ? action : (uint8_t)VERGE_KEEP_SPEED;
+            sequence->actions[t][slot] =
+                action < VERGE_ACTION_COUNT ? action : (uint8_t)VERGE_KEEP_SPEED;
         }
     }
     return any;
 }
 
-// Does the decision confirm the commitment, for the same vehicles as before?
-static bool confirms(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
-                     const vg_joint_actions* warm, const verge_commitment* commitment)
+// Has the decision the same actions as the commitment, for the same vehicles?
+static bool confirms(const verge_decider* self, const verge_scene* scene,
+                     const vg_joint_actions* sequence, const vg_joint_actions* warm,
+                     const verge_commitment* commitment)
 {
     bool same = commitment->vehicle_count == self->model->controlled_count;
     for (uint32_t slot = 0; same && slot < self->model->controlled_count; ++slot) {
         same = commitment->vehicle_ids[slot] == id_of(self, scene, (int32_t)slot);
-        for (uint32_t t = 0; t < line->step_count; ++t) {
-            same = same && line->actions[t][slot] == warm->actions[t][slot];
+        for (uint32_t t = 0; t < sequence->step_count; ++t) {
+            same = same && sequence->actions[t][slot] == warm->actions[t][slot];
         }
     }
     return same;
 }
 
-static void commit(const verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
-                   verge_commitment* commitment)
+static void commit(const verge_decider* self, const verge_scene* scene,
+                   const vg_joint_actions* sequence, verge_commitment* commitment)
 {
     commitment->utime = scene->utime;
-    commitment->step_count = line->step_count;
+    commitment->step_count = sequence->step_count;
     commitment->vehicle_count = self->model->controlled_count;
     for (uint32_t slot = 0; slot < commitment->vehicle_count; ++slot) {
         commitment->vehicle_ids[slot] = id_of(self, scene, (int32_t)slot);
-        for (uint32_t t = 0; t < line->step_count; ++t) {
-            commitment->actions[t][slot] = line->actions[t][slot];
+        for (uint32_t t = 0; t < sequence->step_count; ++t) {
+            commitment->actions[t][slot] = sequence->actions[t][slot];
         }
     }
 }
 
 // ---------------------------------------------------------------------------- action steps
 
-static verge_action_step step_of(const verge_decider* self, const verge_scene* scene, const vg_flow* before,
-                                 const vg_moves* moves, const vg_flow* after, uint32_t slot, uint8_t action,
-                                 uint32_t t)
+static verge_action_step step_of(const verge_decider* self, const verge_scene* scene,
+                                 const vg_flow* before, const vg_moves* moves, const vg_flow* after,
+                                 uint32_t slot, uint8_t action, uint32_t t)
 {
     const vg_lane* lane = &scene->road->lanes[after->lane[slot]];
     const vg_action_row* row = &vg_actions[action];
@@ -219,25 +225,25 @@ static verge_action_step step_of(const verge_decider* self, const verge_scene* s
     };
 }
 
-// Drives the flow along the actions decided and notes each vehicle's state after each step.
-static void write_steps(verge_decider* self, const verge_scene* scene, const vg_joint_actions* line,
-                        verge_decision* decision)
+// Simulates the decided actions and writes the state of each vehicle after each step.
+static void write_steps(verge_decider* self, const verge_scene* scene,
+                        const vg_joint_actions* sequence, verge_decision* decision)
 {
-    VERGE_ASSERT(line->step_count <= VERGE_STEPS_MAX);
+    VERGE_ASSERT(sequence->step_count <= VERGE_STEPS_MAX);
     vg_moves moves;
     memset(&moves, 0, sizeof moves);
     for (uint32_t slot = 0; slot < decision->vehicle_count; ++slot) {
         decision->vehicles[slot].vehicle_id = id_of(self, scene, (int32_t)slot);
-        decision->vehicles[slot].step_count = line->step_count;
+        decision->vehicles[slot].step_count = sequence->step_count;
     }
-    for (uint32_t t = 0; t < line->step_count; ++t) {
+    for (uint32_t t = 0; t < sequence->step_count; ++t) {
         const vg_flow* before = &self->flows[t % 2u];
         vg_flow* after = &self->flows[(t + 1u) % 2u];
         vg_flow_moves(self->model, before, &moves);
-        vg_flow_advance(self->model, before, &moves, line->actions[t], after);
+        vg_flow_advance(self->model, before, &moves, sequence->actions[t], after);
         for (uint32_t slot = 0; slot < decision->vehicle_count; ++slot) {
             decision->vehicles[slot].steps[t] =
-                step_of(self, scene, before, &moves, after, slot, line->actions[t][slot], t);
+                step_of(self, scene, before, &moves, after, slot, sequence->actions[t][slot], t);
         }
     }
 }

@@ -8,9 +8,9 @@
 
 #include <string.h>
 
-enum { repair_tries_max = 4 }; // new draws for vehicles in conflict, in a simulation
+enum { repair_tries_max = 4 }; // new draws for vehicles in conflict, per step of a simulation
 
-// A table for half of the actions: a population count is not an instruction of every machine.
+// A table, because not every machine has an instruction that counts bits.
 uint32_t vg_set_size(uint8_t set)
 {
     static const uint8_t sizes[16] = { 0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4 };
@@ -26,7 +26,7 @@ uint8_t vg_set_member(uint8_t set, uint32_t index)
     return (uint8_t)__builtin_ctz(set);
 }
 
-// Is the action legal? Looks into the other lane if that was left for later.
+// Is the action legal? Checks the neighbouring lane if that has not been done yet.
 static bool is_legal(vg_search* self, uint32_t slot, uint8_t action)
 {
     return ((self->moves.legal[slot] >> action) & 1u) != 0
@@ -34,7 +34,7 @@ static bool is_legal(vg_search* self, uint32_t slot, uint8_t action)
                && vg_flow_check_change(self->model, self->flow, &self->moves, slot, action));
 }
 
-// Uniform over the legal set: what proves illegal is drawn again.
+// Uniform over the legal set: an action that turns out to be illegal is drawn again.
 void vg_playout_draw(vg_search* self, uint8_t* actions, uint32_t which)
 {
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
@@ -48,7 +48,6 @@ void vg_playout_draw(vg_search* self, uint8_t* actions, uint32_t which)
     }
 }
 
-// Draws again for the vehicles in conflict, a few times.
 bool vg_playout_repair(vg_search* self, uint8_t* actions)
 {
     for (uint32_t tries = 0; tries < repair_tries_max; ++tries) {
@@ -62,10 +61,10 @@ bool vg_playout_repair(vg_search* self, uint8_t* actions)
     return vg_flow_conflicts(self->model, self->flow, &self->moves, actions) == 0;
 }
 
-// The flow moves on by these actions, which are noted in the line.
 void vg_playout_step(vg_search* self, const uint8_t* actions)
 {
-    memcpy(self->line.actions[self->line.step_count++], actions, self->model->controlled_count);
+    memcpy(self->sequence.actions[self->sequence.step_count++], actions,
+           self->model->controlled_count);
     vg_flow_advance(self->model, self->flow, &self->moves, actions, self->next);
     vg_flow* after = self->next;
     self->next = self->flow;
@@ -74,36 +73,35 @@ void vg_playout_step(vg_search* self, const uint8_t* actions)
 
 bool vg_playout_over(const vg_search* self)
 {
-    return self->line.step_count >= self->model->def->steps
+    return self->sequence.step_count >= self->model->def->steps
            || vg_flow_terminal(self->model, self->flow);
 }
 
-static uint32_t missing(const vg_search* self)
+static uint32_t unreached(const vg_search* self)
 {
     uint32_t set = 0;
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
-        const bool there = self->model->target[i] < 0 || vg_flow_in_target(self->model, self->flow, i);
-        set |= there ? 0u : 1u << i;
+        const bool reached =
+            self->model->target[i] < 0 || vg_flow_in_target(self->model, self->flow, i);
+        set |= reached ? 0u : 1u << i;
     }
     return set;
 }
 
-// The simulation's end: its reward, and the plan to keep if VG_NO_NODE was better.
 double vg_playout_finish(vg_search* self, bool whole)
 {
     const double reward =
-        vg_flow_reward(self->model, self->flow, self->line.step_count, whole);
+        vg_flow_reward(self->model, self->flow, self->sequence.step_count, whole);
     self->report->iterations++;
     if (whole && reward > self->best_reward) {
-        self->best = self->line;
+        self->best = self->sequence;
         self->best_reward = reward;
-        self->missing = missing(self);
+        self->unreached = unreached(self);
         self->report->nodes_first = self->tree->count;
     }
     return reward;
 }
 
-// What is legal and nearest to the wanted: the wanted, else KS, DC, AC.
 uint8_t vg_playout_nearest_legal(vg_search* self, uint32_t slot, uint8_t wanted)
 {
     const uint8_t order[] = { wanted, VERGE_KEEP_SPEED, VERGE_DECELERATE, VERGE_ACCELERATE };
@@ -112,7 +110,7 @@ uint8_t vg_playout_nearest_legal(vg_search* self, uint32_t slot, uint8_t wanted)
             return order[k];
         }
     }
-    return VERGE_KEEP_SPEED; // not reached: something in the lane is always legal
+    return VERGE_KEEP_SPEED; // not reached: one lane-keeping action is always legal
 }
 
 uint8_t vg_wanted_action(const vg_joint_actions* wanted, uint32_t step_index, uint32_t slot)
@@ -121,13 +119,13 @@ uint8_t vg_wanted_action(const vg_joint_actions* wanted, uint32_t step_index, ui
                                          : (uint8_t)VERGE_KEEP_SPEED;
 }
 
-// One step of a plan, as near to the wanted as the rules allow. False: it cannot go on.
 bool vg_playout_follow(vg_search* self, const vg_joint_actions* wanted)
 {
     uint8_t actions[VERGE_CONTROLLED_MAX];
     vg_flow_moves_unchecked(self->model, self->flow, &self->moves);
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
-        actions[i] = vg_playout_nearest_legal(self, i, vg_wanted_action(wanted, self->line.step_count, i));
+        actions[i] = vg_playout_nearest_legal(
+            self, i, vg_wanted_action(wanted, self->sequence.step_count, i));
     }
     if (!vg_playout_repair(self, actions)) {
         return false;

@@ -9,15 +9,16 @@
 
 #include <string.h>
 
-// Of the budget of BEST, one part in this many is the tree's, the rest polishes: measured on random
-// freeway scenes with 3,000 iterations, from 1/2 to none.
+// In BEST the tree search uses 1 / tree_part of the budget, and polishing the rest. Measured on
+// random freeway scenes with 3,000 iterations: shares from 0 to 1/2.
 enum { tree_part = 5 };
 
-static void   replay(vg_search* self, const vg_joint_actions* line);
-static double switched(const vg_search* self, const vg_joint_actions* kept);
+static void   replay(vg_search* self, const vg_joint_actions* sequence);
+static double switched_share(const vg_search* self, const vg_joint_actions* kept);
 
 void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg_random* random,
-                   const vg_joint_actions* warm, vg_joint_actions* line, verge_search_report* report)
+                   const vg_joint_actions* warm, vg_joint_actions* sequence,
+                   verge_search_report* report)
 {
     const verge_planner_def* def = model->def;
     memset(report, 0, sizeof *report);
@@ -36,27 +37,28 @@ void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg
     vg_joint_actions kept = { .step_count = 0 };
     if (best && warm != NULL) {
         (void)vg_search_try(&self, 0, warm);
-        warm_reward = self.best_reward; // -1 where the line failed on the way: nothing to keep
+        warm_reward = self.best_reward; // -1 if the simulation ended in a conflict
         kept = self.best;
     }
-    const uint32_t left = budget - (self.report->iterations < budget ? self.report->iterations : budget);
+    const uint32_t left =
+        budget - (self.report->iterations < budget ? self.report->iterations : budget);
     vg_search_tree(&self, best ? left / tree_part : left);
     if (best) {
         vg_search_polish(&self, budget - self.report->iterations);
         if (warm_reward >= 0.0
-            && self.best_reward < warm_reward + def->switch_margin * switched(&self, &kept)) {
+            && self.best_reward < warm_reward + def->switch_margin * switched_share(&self, &kept)) {
             self.best = kept;
         }
     }
     replay(&self, &self.best);
-    *line = self.line;
+    *sequence = self.sequence;
     report->nodes = tree->count;
     report->bound = vg_flow_bound(model, root);
 }
 
-// Share of X_flow that belongs to those whose lane changes are others than in the line kept: to
-// drive a little faster or slower than said is no change of mind. [1]
-static double switched(const vg_search* self, const vg_joint_actions* kept)
+// Share of X_flow that belongs to vehicles whose lane changes differ from those of the plan kept.
+// Differences of speed do not count. [1]
+static double switched_share(const vg_search* self, const vg_joint_actions* kept)
 {
     double sum = 0.0;
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
@@ -70,18 +72,18 @@ static double switched(const vg_search* self, const vg_joint_actions* kept)
     return sum;
 }
 
-// The plan step by step, to the horizon: a line that ended early is driven on as it is.
-static void replay(vg_search* self, const vg_joint_actions* line)
+// Simulates the plan step by step to the horizon. A sequence that ends early continues with KS.
+static void replay(vg_search* self, const vg_joint_actions* sequence)
 {
     const vg_model* model = self->model;
     vg_tree_load(self, 0, self->flow);
-    self->line.step_count = 0;
+    self->sequence.step_count = 0;
     bool ended_early = false;
     for (uint32_t t = 0; t < model->def->steps; ++t) {
         uint8_t actions[VERGE_CONTROLLED_MAX];
         vg_flow_moves(model, self->flow, &self->moves);
         for (uint32_t i = 0; i < model->controlled_count; ++i) {
-            actions[i] = vg_playout_nearest_legal(self, i, vg_wanted_action(line, t, i));
+            actions[i] = vg_playout_nearest_legal(self, i, vg_wanted_action(sequence, t, i));
         }
         if (!ended_early && vg_flow_terminal(model, self->flow)) {
             ended_early = true;
@@ -89,10 +91,11 @@ static void replay(vg_search* self, const vg_joint_actions* line)
         }
         vg_playout_step(self, actions);
     }
-    // Where no simulation went without a conflict, what is returned ends as badly as they did.
+    // If every simulation ended in a conflict, so does the plan returned: its remaining steps earn
+    // nothing.
     const bool whole = self->best_reward >= 0.0;
     if (!ended_early) {
-        self->report->reward = vg_flow_reward(model, self->flow, self->line.step_count, whole);
+        self->report->reward = vg_flow_reward(model, self->flow, self->sequence.step_count, whole);
     }
     self->report->complete = whole;
     for (uint32_t i = 0; i < model->controlled_count; ++i) {

@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-enum { joint_tries_max = 32 }; // joint actions looked at for one expansion
+enum { joint_tries_max = 32 }; // joint actions visited in one expansion
 
 static void iterate(vg_search* self, int32_t root);
 
@@ -32,7 +32,8 @@ vg_tree* vg_tree_take(vg_arena* arena, const verge_planner_def* def)
     vg_tree* tree = vg_arena_take(arena, sizeof *tree);
     vg_metanode* pool = vg_arena_take(arena, nodes * sizeof *pool);
     const size_t slots = nodes + VG_TRAIL_COUNT * VG_TRAIL_LENGTH;
-    uint8_t* states = vg_arena_take(arena, slots * state_size(def->vehicles_max, def->controlled_max));
+    uint8_t* states =
+        vg_arena_take(arena, slots * state_size(def->vehicles_max, def->controlled_max));
     double* log_of = vg_arena_take(arena, VG_TABLE_SIZE * sizeof *log_of);
     double* inverse_root = vg_arena_take(arena, VG_TABLE_SIZE * sizeof *inverse_root);
     if (tree == NULL || pool == NULL || states == NULL || log_of == NULL || inverse_root == NULL) {
@@ -64,7 +65,6 @@ static const uint8_t* get(const uint8_t* from, void* to, size_t size)
     return from + size;
 }
 
-// Behind the nodes' states stand those of the two trails.
 uint32_t vg_tree_trail(const vg_search* self, uint32_t trail, uint32_t step_index)
 {
     return self->tree->nodes_max + trail * VG_TRAIL_LENGTH + step_index;
@@ -72,14 +72,14 @@ uint32_t vg_tree_trail(const vg_search* self, uint32_t trail, uint32_t step_inde
 
 void vg_tree_save(const vg_search* self, uint32_t slot, const vg_flow* flow)
 {
-    const size_t count = self->model->count, planned = self->model->controlled_count;
+    const size_t count = self->model->count, controlled = self->model->controlled_count;
     uint8_t* to = self->tree->states + (size_t)slot * self->tree->stride;
     to = put(to, flow->station, count * sizeof(float));
     to = put(to, flow->d, count * sizeof(float));
     to = put(to, flow->v, count * sizeof(float));
-    to = put(to, flow->credit, planned * sizeof(float));
-    to = put(to, flow->driven, planned * sizeof(float));
-    to = put(to, flow->previous, planned);
+    to = put(to, flow->credit, controlled * sizeof(float));
+    to = put(to, flow->driven, controlled * sizeof(float));
+    to = put(to, flow->previous, controlled);
     for (size_t i = 0; i < count; ++i) {
         to[i] = (uint8_t)flow->lane[i];
     }
@@ -87,14 +87,14 @@ void vg_tree_save(const vg_search* self, uint32_t slot, const vg_flow* flow)
 
 void vg_tree_load(const vg_search* self, uint32_t slot, vg_flow* flow)
 {
-    const size_t count = self->model->count, planned = self->model->controlled_count;
+    const size_t count = self->model->count, controlled = self->model->controlled_count;
     const uint8_t* from = self->tree->states + (size_t)slot * self->tree->stride;
     from = get(from, flow->station, count * sizeof(float));
     from = get(from, flow->d, count * sizeof(float));
     from = get(from, flow->v, count * sizeof(float));
-    from = get(from, flow->credit, planned * sizeof(float));
-    from = get(from, flow->driven, planned * sizeof(float));
-    from = get(from, flow->previous, planned);
+    from = get(from, flow->credit, controlled * sizeof(float));
+    from = get(from, flow->driven, controlled * sizeof(float));
+    from = get(from, flow->previous, controlled);
     for (size_t i = 0; i < count; ++i) {
         flow->lane[i] = from[i];
     }
@@ -125,8 +125,8 @@ int32_t vg_tree_add(vg_search* self, int32_t parent, const uint8_t* actions, con
 
 // ---------------------------------------------------------------------------- the search
 
-// The share of the budget of step t is 1/(t/2 + 1), as in the program of the paper's authors; the
-// rest goes to step 0.
+// Iterations for step t, in proportion to 1/(t/2 + 1) as in the program of the paper's authors. The
+// remainder of the division goes to step 0.
 static uint32_t share_of(uint32_t budget, uint32_t step, uint32_t steps)
 {
     double sum = 0.0;
@@ -141,7 +141,8 @@ static int32_t greedy_child(const vg_tree* tree, int32_t node)
     int32_t best = VG_NO_NODE;
     double best_mean = -1.0;
     uint32_t best_visits = 0;
-    for (int32_t c = tree->nodes[node].first_child; c != VG_NO_NODE; c = tree->nodes[c].next_sibling) {
+    for (int32_t c = tree->nodes[node].first_child; c != VG_NO_NODE;
+         c = tree->nodes[c].next_sibling) {
         const vg_metanode* child = &tree->nodes[c];
         if (child->mean > best_mean || (child->mean == best_mean && child->visits > best_visits)) {
             best = c;
@@ -152,7 +153,7 @@ static int32_t greedy_child(const vg_tree* tree, int32_t node)
     return best;
 }
 
-// The root goes down with the decision: every step is searched from the child chosen before.
+// Each step is searched from the child chosen in the step before.
 void vg_search_tree(vg_search* self, uint32_t budget)
 {
     const uint32_t steps = self->model->def->steps;
@@ -186,7 +187,7 @@ static double log_of(const vg_tree* tree, uint32_t n)
     return n < VG_TABLE_SIZE ? tree->log_of[n] : vg_log((double)n);
 }
 
-// Eq. 1.
+// The child with the largest upper confidence bound (Eq. 1).
 static int32_t uct_child(const vg_search* self, const vg_metanode* node)
 {
     const vg_tree* tree = self->tree;
@@ -209,15 +210,15 @@ static int32_t uct_child(const vg_search* self, const vg_metanode* node)
 
 static_assert(VERGE_ACTION_COUNT <= 6, "strides are coprime to products of set sizes up to 6");
 
-// Starts the walk over a node's joint actions: any stride without the factors 2, 3 and 5 is
-// coprime to a product of set sizes up to 6, so the walk meets each joint action once.
+// Prepares the enumeration of a node's joint actions. Any stride without the factors 2, 3 and 5 is
+// coprime to a product of set sizes up to 6, so each joint action is visited exactly once.
 static void open_node(vg_search* self, vg_metanode* node)
 {
     uint64_t product = 1;
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
         product *= vg_set_size(self->moves.legal[i]);
     }
-    uint32_t stride = vg_random_next(self->random); // large: every vehicle's digit changes soon
+    uint32_t stride = vg_random_next(self->random); // large: the actions of all vehicles change
     while (stride % 2u == 0 || stride % 3u == 0 || stride % 5u == 0) {
         ++stride;
     }
@@ -236,7 +237,7 @@ static void decode(const vg_search* self, uint64_t number, uint8_t* actions)
     }
 }
 
-// The next joint action of this node that has no conflict; false: VG_NO_NODE found this time.
+// The next joint action of this node without conflict. False: none was found in joint_tries_max.
 static bool next_joint_action(vg_search* self, vg_metanode* node, uint8_t* actions)
 {
     uint64_t product = 1;
@@ -255,7 +256,8 @@ static bool next_joint_action(vg_search* self, vg_metanode* node, uint8_t* actio
     return false;
 }
 
-// Default policy: uniform over each vehicle's legal actions, until the horizon or all is done.
+// Default policy: actions uniform over the legal set of each vehicle, to the horizon or to a
+// terminal flow.
 static double simulate(vg_search* self)
 {
     while (!vg_playout_over(self)) {
@@ -276,7 +278,8 @@ static int32_t descend(vg_search* self, int32_t root)
     int32_t at = root;
     for (uint32_t layer = 0; layer <= VERGE_STEPS_MAX; ++layer) {
         const vg_metanode* node = &tree->nodes[at];
-        if (node->terminal || !node->opened || node->joint_left > 0 || node->first_child == VG_NO_NODE) {
+        if (node->terminal || !node->opened || node->joint_left > 0
+            || node->first_child == VG_NO_NODE) {
             break;
         }
         at = uct_child(self, node);
@@ -284,13 +287,13 @@ static int32_t descend(vg_search* self, int32_t root)
     return at;
 }
 
-// Actions on the way from the very first root to a node.
+// Sets the sequence to the actions on the path from node 0 to this node.
 static void trace(vg_search* self, int32_t node)
 {
     const vg_tree* tree = self->tree;
-    self->line.step_count = tree->nodes[node].depth;
+    self->sequence.step_count = tree->nodes[node].depth;
     for (int32_t at = node; tree->nodes[at].parent != VG_NO_NODE; at = tree->nodes[at].parent) {
-        memcpy(self->line.actions[tree->nodes[at].depth - 1u], tree->nodes[at].actions,
+        memcpy(self->sequence.actions[tree->nodes[at].depth - 1u], tree->nodes[at].actions,
                self->model->controlled_count);
     }
 }

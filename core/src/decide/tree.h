@@ -10,17 +10,17 @@ extern "C" {
 
 enum {
     VG_NO_NODE = -1,
-    VG_TABLE_SIZE = 4096, ///< visits with tabulated logarithm and root
-    VG_TRAIL_COUNT = 2,   ///< states along the best plan, and along the one under way
+    VG_TABLE_SIZE = 4096, ///< numbers of visits with tabulated logarithm and square root
+    VG_TRAIL_COUNT = 2,   ///< trails: the states along the best plan and along the present one
     VG_TRAIL_LENGTH = VERGE_STEPS_MAX + 1,
 };
 
-/// 64 bytes and the walk over the joint actions; the state stands beside it.
+/// One node, without its state. The fields joint_* number the joint actions not yet visited.
 typedef struct vg_metanode {
     int32_t  parent, first_child, next_sibling;
     uint32_t visits;
     double   mean;         ///< of the rewards backed up: X-bar of Eq. 1
-    uint64_t joint_left;   ///< joint actions not yet looked at
+    uint64_t joint_left;   ///< joint actions not yet visited
     uint64_t joint_at;     ///< number of the next one
     uint32_t joint_stride; ///< coprime to the product of the legal sets' sizes
     uint8_t  depth, opened, terminal;
@@ -39,9 +39,12 @@ struct vg_search;
 
 /// Empties the tree for a scene with these counts.
 void vg_tree_empty(vg_tree* tree, uint32_t vehicle_count, uint32_t controlled_count);
-/// A new node below `parent` (VG_NO_NODE: the root) with this state; returns its index. The pool is not full.
-int32_t vg_tree_add(struct vg_search* self, int32_t parent, const uint8_t* actions, const vg_flow* flow);
-/// The states of the nodes stand in slots 0 .. nodes_max - 1, those along two trails after them.
+/// Adds a node below `parent` (VG_NO_NODE: as the root) with this state and returns its index. The
+/// pool must not be full.
+int32_t vg_tree_add(struct vg_search* self, int32_t parent, const uint8_t* actions,
+                    const vg_flow* flow);
+/// Saves and loads a state. Slots 0 .. nodes_max - 1 hold the states of the nodes, the slots after
+/// them those of the trails.
 void vg_tree_save(const struct vg_search* self, uint32_t slot, const vg_flow* flow);
 void vg_tree_load(const struct vg_search* self, uint32_t slot, vg_flow* flow);
 /// The slot of one step along a trail.

@@ -100,6 +100,7 @@ int main(void)
     verge_planner_def def = verge_planner_default_def();
     def.vehicles_max = VEHICLES;
     def.controlled_max = 1;
+    def.road.lane_count = 2; // the stages need not keep room for more
     verge_predictor*  predictor = NULL;
     verge_sampler*    sampler = NULL;
     const verge_road* road = NULL;

@@ -85,11 +85,11 @@ static vg_pairs* pairs_make(void)
 {
     vg_arena measure, arena;
     vg_arena_init(&measure, NULL, 0);
-    (void)vg_pairs_take(&measure, VERGE_VEHICLES_MAX);
+    (void)vg_pairs_take(&measure, VERGE_VEHICLES_MAX, 0);
     void* memory = aligned_alloc(VG_ARENA_ALIGN, measure.used);
     if (memory == NULL) {
         abort();
     }
     vg_arena_init(&arena, memory, measure.used);
-    return vg_pairs_take(&arena, VERGE_VEHICLES_MAX); // the first thing taken: freeing it frees all
+    return vg_pairs_take(&arena, VERGE_VEHICLES_MAX, 0); // the first thing taken: freeing it frees all
 }

@@ -122,7 +122,7 @@ void verge_planner_memory_terms(const verge_planner_def* def, verge_memory_term 
     }
     const size_t total = verge_planner_memory_size(def);
     const verge_memory_term budget[] = {
-        { "road: reference lines, stations, relations", road },
+        { "road: reference lines, stations, ways, conflicts", road },
         { "decision: search tree of nodes_max nodes, pairs of vehicles", verge_decider_memory_size(def) },
         { "prediction: pairs of vehicles, expected states", verge_predictor_memory_size(def) },
         { "samplers: one workspace a controlled vehicle", def->controlled_max * workspace_size(def) },

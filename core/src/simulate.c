@@ -21,7 +21,7 @@ static verge_humans* take(vg_arena* arena, const verge_planner_def* def)
     const uint32_t vehicles_max = def->vehicles_max;
     verge_humans* self = vg_arena_take(arena, sizeof *self);
     verge_lane_position* positions = vg_arena_take(arena, vehicles_max * sizeof *positions);
-    vg_pairs* pairs = vg_pairs_take(arena, vehicles_max);
+    vg_pairs* pairs = vg_pairs_take(arena, vehicles_max, def->road.lane_count);
     vg_model* model = vg_arena_take(arena, sizeof *model);
     vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
     if (self != NULL) {

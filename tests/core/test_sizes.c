@@ -66,7 +66,7 @@ static void test_the_size_of_a_node_is_the_stated_one(void** state)
     const char* config = "core/include/verge/config.h";
     const double empty = stated(config, "which sizes the arena).\n/// Cost: ");
     const double vehicle = stated(config, " B each, and ");
-    const double controlled = stated(config, " B each, and 13 B a vehicle, ");
+    const double controlled = stated(config, " B each, and 14 B a vehicle, ");
     assert_int_equal(vg_node_size(0, 0), (uint32_t)empty);
     // Nodes have whole numbers of 8 bytes: with 64 and 16 vehicles nothing is rounded up.
     assert_int_equal(vg_node_size(64, 0), (uint32_t)(empty + 64.0 * vehicle));

@@ -56,7 +56,7 @@ static inline void stage_build(stage* at)
     assert_int_equal(verge_road_check(&at->def.road, NULL), VERGE_OK);
     at->road = vg_road_build(&arena, &scratch, &at->def.road);
     assert_non_null(at->road);
-    at->pairs = vg_pairs_take(&arena, VERGE_VEHICLES_MAX);
+    at->pairs = vg_pairs_take(&arena, VERGE_VEHICLES_MAX, at->def.road.lane_count);
     assert_non_null(at->pairs);
     free(fit);
 }

@@ -11,7 +11,7 @@
 #endif
 
 /// Vehicles the planner sees at once, controlled and uncontrolled. 8 .. 64.
-/// Cost: 13 B a vehicle in every tree node, 9 B more if it is controlled; 1 kB a vehicle in a plan
+/// Cost: 14 B a vehicle in every tree node, 9 B more if it is controlled; 1 kB a vehicle in a plan
 /// (its prediction).
 #ifndef VERGE_VEHICLES_MAX
 #define VERGE_VEHICLES_MAX 64
@@ -23,9 +23,17 @@
 #define VERGE_CONTROLLED_MAX 16
 #endif
 
-/// Lanes of a road. 1 .. 64 (sets of lanes are 64-bit masks). Cost: 64 x 64 x 24 B of relations.
+/// Lanes of a road. 1 .. 32767. Cost: 1 B in a road for each pair of the lanes that it has, 7 B in a
+/// planner for each lane that there may be; 32 B of stack a lane while a road is checked.
 #ifndef VERGE_LANES_MAX
-#define VERGE_LANES_MAX 64
+#define VERGE_LANES_MAX 1024
+#endif
+
+/// Lanes near its vehicles that one step of a planner relates to one another; those further away are
+/// driven along, but vehicles there are related to no other. 8 .. 64.
+/// Cost: 20 B for each pair of them, 82 kB in all, where the road has as many.
+#ifndef VERGE_LANES_NEAR_MAX
+#define VERGE_LANES_NEAR_MAX 64
 #endif
 
 /// Points of one lane's surveyed centreline. Refused above. Cost: none; points nearer to one another
@@ -62,14 +70,15 @@
 #endif
 
 /// Nodes of the search tree (the default of verge_planner_def.nodes_max, which sizes the arena).
-/// Cost: 64 B each, and 13 B a vehicle, 9 B more if it is controlled.
+/// Cost: 64 B each, and 14 B a vehicle, 9 B more if it is controlled.
 #ifndef VERGE_NODES_MAX
 #define VERGE_NODES_MAX 4096
 #endif
 
-/// Area pairs where two lanes that are not neighbours meet. Cost: 24 B each.
+/// Places where one lane meets others that are not its neighbours. 1 .. 60000. Cost: 60 B for each
+/// one that the road has; none for the rest.
 #ifndef VERGE_CONFLICTS_MAX
-#define VERGE_CONFLICTS_MAX 512
+#define VERGE_CONFLICTS_MAX 256
 #endif
 
 /// Candidate trajectories of one segment: end speeds x lateral offsets.

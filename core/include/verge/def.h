@@ -22,7 +22,8 @@ typedef void verge_executor(void* context, void (*task)(void* arg, uint32_t inde
 /// How a planner is built. Start from verge_planner_default_def() and change what differs.
 /// Defaults, ranges and meaning of the scalar fields: verge_planner_params().
 typedef struct verge_planner_def {
-    verge_road_def road;        ///< read by verge_planner_init() only; stages take a built road
+    verge_road_def road;        ///< read by verge_planner_init() only; stages take a built road. They
+                                ///< keep less about its lanes where lane_count says that they are few
 
     uint64_t seed;              ///< any value; seed of the only random generator
     uint32_t search;            ///< verge_search

@@ -109,15 +109,12 @@ static double solve(const problem* self)
 static problem problem_of(const vg_model* model, const vg_flow* root, uint32_t slot,
                           double full_speed, double speed_limit)
 {
-    const verge_road* road = model->road;
     const uint32_t lane = (uint32_t)root->lane[slot];
     const int32_t target = model->target[slot];
-    const bool good = ((model->target_lanes[slot] >> lane) & 1u) != 0;
-    const uint8_t changes =
-        target < 0 || good ? 0 : (uint8_t)vg_road_changes(road, lane, (uint32_t)target);
+    const uint32_t changes = target < 0 ? 0 : vg_road_changes(model->road, lane, (uint32_t)target);
     // Away from the centre, half a change may have been made already.
     const bool begun = root->d[slot] > VG_CENTRED || root->d[slot] < -VG_CENTRED;
-    const uint32_t halves = 2u * (uint32_t)changes;
+    const uint32_t halves = 2u * changes;
     return (problem){
         .model = model,
         .steps = model->def->steps,
@@ -133,12 +130,13 @@ static problem problem_of(const vg_model* model, const vg_flow* root, uint32_t s
 
 double vg_flow_bound(const vg_model* model, const vg_flow* root)
 {
-    // Of all lanes, the lowest speed for the full reward and the highest speed limit.
+    // Of all near lanes, the lowest speed for the full reward and the highest speed limit.
+    const vg_local* local = model->pairs->local;
     double full_speed = VG_HUGE, speed_limit = 0.0;
-    for (uint32_t lane = 0; lane < model->road->lane_count; ++lane) {
-        full_speed =
-            vg_min(full_speed, (double)model->cruise_share * model->road->lanes[lane].speed_min);
-        speed_limit = vg_max(speed_limit, model->road->lanes[lane].speed_limit);
+    for (uint32_t k = 0; k < local->count; ++k) {
+        const vg_lane* lane = &model->road->lanes[local->lanes[k]];
+        full_speed = vg_min(full_speed, (double)model->cruise_share * lane->speed_min);
+        speed_limit = vg_max(speed_limit, lane->speed_limit);
     }
     double sum = 0.0;
     for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {

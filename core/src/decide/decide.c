@@ -66,7 +66,7 @@ static verge_decider* take(vg_arena* arena, const verge_planner_def* def)
 {
     verge_decider* self = vg_arena_take(arena, sizeof *self);
     vg_tree* tree = vg_tree_take(arena, def);
-    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max);
+    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max, def->road.lane_count);
     vg_model* model = vg_arena_take(arena, sizeof *model);
     vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
     if (self != NULL) {

@@ -17,7 +17,7 @@ static void iterate(vg_search* self, int32_t root);
 
 uint32_t vg_node_size(uint32_t vehicle_count, uint32_t controlled_count)
 {
-    const uint32_t state = 13u * vehicle_count + 9u * controlled_count;
+    const uint32_t state = 14u * vehicle_count + 9u * controlled_count;
     return (uint32_t)sizeof(vg_metanode) + (state + 7u) / 8u * 8u;
 }
 
@@ -81,7 +81,8 @@ void vg_tree_save(const vg_search* self, uint32_t slot, const vg_flow* flow)
     to = put(to, flow->driven, controlled * sizeof(float));
     to = put(to, flow->previous, controlled);
     for (size_t i = 0; i < count; ++i) {
-        to[i] = (uint8_t)flow->lane[i];
+        const uint16_t lane = (uint16_t)flow->lane[i];
+        memcpy(to + i * sizeof lane, &lane, sizeof lane);
     }
 }
 
@@ -96,7 +97,9 @@ void vg_tree_load(const vg_search* self, uint32_t slot, vg_flow* flow)
     from = get(from, flow->driven, controlled * sizeof(float));
     from = get(from, flow->previous, controlled);
     for (size_t i = 0; i < count; ++i) {
-        flow->lane[i] = from[i];
+        uint16_t lane;
+        memcpy(&lane, from + i * sizeof lane, sizeof lane);
+        flow->lane[i] = lane;
     }
     vg_flow_derive(self->model, flow);
 }

@@ -78,7 +78,7 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
 static verge_predictor* take(vg_arena* arena, const verge_planner_def* def)
 {
     verge_predictor* self = vg_arena_take(arena, sizeof *self);
-    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max);
+    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max, def->road.lane_count);
     vg_model* model = vg_arena_take(arena, sizeof *model);
     vg_flow* flows = vg_arena_take(arena, 3 * sizeof *flows);
     vg_expected* expected = vg_arena_take(arena, def->controlled_max * sizeof *expected);

@@ -26,10 +26,10 @@ extern "C" {
 #define VG_SURVEY_SPACING 0.5
 /// Lanes further apart than this are no continuation of one another. [m]
 #define VG_GAP_MAX 20.0
+/// A body whose centre is further than this from every lane's edge is off the road. [m]
+#define VG_EDGE_REACH 2.0
 /// Width of the widest body that conflicts are found for. [m]
 #define VG_BODY_WIDTH_MAX 2.6
-/// How far along the graph lanes are related. [m]
-#define VG_RELATION_REACH 300.0
 
 /// The writable side of a lane's arrays while the road is built.
 typedef struct vg_lane_storage {
@@ -38,12 +38,27 @@ typedef struct vg_lane_storage {
     uint32_t bin_capacity;
 } vg_lane_storage;
 
+/// Two lanes whose surveys come near one another without being neighbours or successors, a < b.
+typedef struct vg_meeting {
+    uint16_t a, b;
+    uint16_t areas_max; ///< areas that there is room for
+} vg_meeting;
+
+typedef struct vg_meetings {
+    uint32_t pairs, areas; ///< how many, and the sum of areas_max
+    int32_t  crowded;      ///< a lane with more than VERGE_CONFLICTS_MAX, at which counting ends; -1 none
+} vg_meetings;
+
+/// Counts the meetings of a road, and lists them, ordered by a and b, where list is not null.
+vg_meetings vg_road_meetings(const verge_road_def* def, vg_meeting* list);
+
 typedef struct vg_road_draft {
     struct verge_road*    road;
     const verge_road_def* def;
     vg_arena*             scratch;
     size_t                scratch_start; ///< [B] what a stage takes of scratch begins here
     vg_lane_storage*      storage; ///< [lane_count]
+    vg_meetings           meetings;
 } vg_road_draft;
 
 /// Lane indices in the order of their ids; equal ids in the order of their indices.
@@ -76,10 +91,12 @@ void   vg_road_fit(vg_road_draft* draft);           ///< reference lines (fit.c)
 size_t vg_road_fit_scratch_size(const verge_road_def* def);
 void   vg_road_bundle(vg_road_draft* draft);        ///< stations, bins (bundle.c)
 size_t vg_road_bundle_scratch_size(const verge_road_def* def);
-void   vg_road_relate(vg_road_draft* draft);        ///< relations (relate.c)
-size_t vg_road_relate_scratch_size(const verge_road_def* def);
-void   vg_road_route(vg_road_draft* draft);         ///< route tables (route.c)
-bool   vg_road_conflict(vg_road_draft* draft);      ///< (conflict.c); false: too many
+void   vg_road_grid_take(vg_grid* grid, vg_arena* arena, const verge_road_def* def);
+void   vg_road_grid(vg_road_draft* draft);          ///< what is near a point (grid.c)
+void   vg_road_route(vg_road_draft* draft);         ///< ways to all targets (route.c)
+size_t vg_road_route_scratch_size(const verge_road_def* def);
+void   vg_road_relate(vg_road_draft* draft);        ///< merges and conflicts (relate.c)
+size_t vg_road_relate_scratch_size(const verge_road_def* def, const vg_meetings* meetings);
 
 /// Lane `other` runs within `limit` metres of `lane` here, as seen along `lane`.
 typedef struct vg_run {

@@ -44,6 +44,7 @@ typedef struct links {
 
 static bool links_from(links* all, const vg_road_draft* draft);
 static void lay_bundle(vg_road_draft* draft, links* all, uint32_t lane, uint32_t bundle);
+static void list_bundles(struct verge_road* road, uint32_t bundle_count);
 static void lay_first(vg_road_draft* draft, uint32_t lane);
 static void lay_beside(vg_road_draft* draft, uint32_t lane, uint32_t neighbour);
 /// Where the last point was on the neighbour. Beside it the next point is looked for near there;
@@ -75,6 +76,7 @@ void vg_road_bundle(vg_road_draft* draft)
             lay_bundle(draft, &all, i, bundle++);
         }
     }
+    list_bundles(road, bundle);
     for (uint32_t i = 0; i < road->lane_count; ++i) {
         fill_gaps(draft, i);
         fill_speeds(draft, i);
@@ -206,6 +208,24 @@ static void lay_bundle(vg_road_draft* draft, links* all, uint32_t lane, uint32_t
     }
 }
 
+static void list_bundles(struct verge_road* road, uint32_t bundle_count)
+{
+    uint32_t* from = road->bundles_from; // [bundle + 1]: count, then end, then begin of its part
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        ++from[road->lanes[i].bundle + 1];
+    }
+    for (uint32_t k = 0; k < bundle_count; ++k) {
+        from[k + 1] += from[k];
+    }
+    for (uint32_t i = road->lane_count; i-- > 0;) {
+        road->bundle_lanes[--from[road->lanes[i].bundle + 1]] = (uint16_t)i;
+    }
+    for (uint32_t k = 0; k < bundle_count; ++k) {
+        from[k] = from[k + 1];
+    }
+    from[bundle_count] = road->lane_count;
+}
+
 static void lay_first(vg_road_draft* draft, uint32_t index)
 {
     vg_lane* lane = &draft->road->lanes[index];
@@ -308,13 +328,15 @@ static bool find_beside(const vg_lane* lane, const vg_lane* neighbour, double s,
 
 static void fill_gaps(vg_road_draft* draft, uint32_t index)
 {
-    const vg_lane* lane = &draft->road->lanes[index];
+    vg_lane* lane = &draft->road->lanes[index];
     vg_bin* bins = draft->storage[index].bins;
     trace on_left = { .s = 0.0 }, on_right = { .s = 0.0 };
     for (uint32_t i = 0; i < lane->bin_count; ++i) {
         const double s = (double)bins[i].s;
         bins[i].left_gap = gap_at(draft, index, true, s, &on_left);
         bins[i].right_gap = gap_at(draft, index, false, s, &on_right);
+        lane->change_left = lane->change_left || bins[i].left_gap > 0.0f;
+        lane->change_right = lane->change_right || bins[i].right_gap > 0.0f;
     }
 }
 

@@ -66,7 +66,15 @@ verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault
         index = i;
         text = check_lane(&road, i, &field);
     }
-    return text != NULL ? refuse(fault, index, field, text) : VERGE_OK;
+    if (text != NULL) {
+        return refuse(fault, index, field, text);
+    }
+    const vg_meetings meetings = vg_road_meetings(def, NULL);
+    return meetings.crowded < 0 ? VERGE_OK
+                                : refuse(fault, (uint32_t)meetings.crowded, "centerline",
+                                         "meets other lanes at more places than the capacity of "
+                                         TEXT_OF(VERGE_CONFLICTS_MAX)
+                                         " a lane (VERGE_CONFLICTS_MAX)");
 }
 
 static const char* check_names(const checked* road, uint32_t* index)

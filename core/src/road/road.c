@@ -1,20 +1,18 @@
-/// Building a road stage by stage, and asking it questions. What is difficult is elsewhere:
-/// fitting in fit.c, stations in bundle.c, relations in relate.c, routes in
-/// route.c, conflicts in conflict.c.
+/// Building a road stage by stage, and asking it questions. What is difficult is elsewhere: fitting
+/// in fit.c, stations in bundle.c, merges and conflicts in relate.c, routes in route.c, what is near
+/// a point in grid.c.
 #include "road/road.h"
 
 #include "base/contract.h"
 #include "road/build.h"
 #include "base/scalar.h"
 
-/// A body whose centre is further than this from every lane's edge is off the road. [m]
-static const double edge_reach = 2.0;
-
 static void take_memory(vg_road_draft* draft, vg_arena* arena);
 static void copy_lanes(vg_road_draft* draft);
+static uint64_t fingerprint_of(const struct verge_road* road);
 static void find_predecessors(struct verge_road* road);
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id);
-static verge_lane_position position_on(const vg_lane* lane, double x, double y);
+static verge_lane_position position_on(const vg_lane* lane, double x, double y, double s_hint);
 /// Whether `at` on `lane` is a better place for a body than the best so far, and how good it is.
 static double misfit(const vg_lane* lane, const verge_lane_position* at, double heading);
 
@@ -23,7 +21,8 @@ struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge
     VERGE_ASSERT(arena != NULL && def != NULL);
     VERGE_ASSERT(def->lane_count >= 1 && def->lane_count <= VERGE_LANES_MAX);
 
-    vg_road_draft draft = { .def = def, .scratch = scratch };
+    vg_road_draft draft = { .def = def, .scratch = scratch,
+                            .meetings = vg_road_meetings(def, NULL) };
     if (arena->base != NULL) {
         vg_arena_empty(scratch);
         draft.storage = vg_arena_take(scratch, def->lane_count * sizeof *draft.storage);
@@ -36,11 +35,40 @@ struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge
     copy_lanes(&draft);
     find_predecessors(draft.road);
     vg_road_fit(&draft);
+    if (scratch->failed) {
+        return NULL;
+    }
+    vg_road_grid(&draft);
     vg_road_bundle(&draft);
-    vg_road_relate(&draft);
     vg_road_route(&draft);
-    const bool fits = vg_road_conflict(&draft);
-    return fits && !scratch->failed ? draft.road : NULL;
+    vg_road_relate(&draft);
+    draft.road->fingerprint = fingerprint_of(draft.road);
+    return scratch->failed ? NULL : draft.road;
+}
+
+static uint64_t mix(uint64_t hash, const void* data, size_t size)
+{
+    const uint8_t* bytes = data;
+    for (size_t i = 0; i < size; ++i) { // FNV-1a
+        hash = (hash ^ bytes[i]) * 0x100000001b3u;
+    }
+    return hash;
+}
+
+/// Of what the relations of lanes depend on.
+static uint64_t fingerprint_of(const struct verge_road* road)
+{
+    uint64_t hash = 0xcbf29ce484222325u;
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        const vg_lane* lane = &road->lanes[i];
+        hash = mix(hash, &lane->length, sizeof lane->length);
+        hash = mix(hash, &lane->station_start, sizeof lane->station_start);
+        hash = mix(hash, lane->successors, lane->successor_count * sizeof lane->successors[0]);
+        hash = mix(hash, &lane->bundle, sizeof lane->bundle);
+        hash = mix(hash, lane->line.x, lane->line.knot_count * sizeof lane->line.x[0]);
+        hash = mix(hash, lane->line.y, lane->line.knot_count * sizeof lane->line.y[0]);
+    }
+    return hash;
 }
 
 /// Space before the road's end takes what the fit needs only while the road is built.
@@ -90,10 +118,11 @@ verge_status verge_road_init(const verge_road** road, const verge_road_def* def,
 size_t vg_road_scratch_size(const verge_road_def* def)
 {
     const size_t fit = vg_road_fit_scratch_size(def);
-    const size_t relate = vg_road_relate_scratch_size(def);
-    const size_t bundle = vg_road_bundle_scratch_size(def);
-    const size_t larger = fit > relate ? fit : relate;
-    const size_t stages = larger > bundle ? larger : bundle;
+    const vg_meetings meetings = vg_road_meetings(def, NULL);
+    const size_t relate = vg_road_relate_scratch_size(def, &meetings);
+    const size_t bundle = vg_road_bundle_scratch_size(def), route = vg_road_route_scratch_size(def);
+    const size_t larger = fit > relate ? fit : relate, smaller = bundle > route ? bundle : route;
+    const size_t stages = larger > smaller ? larger : smaller;
     return stages + def->lane_count * sizeof(vg_lane_storage) + VG_ARENA_ALIGN;
 }
 
@@ -121,9 +150,10 @@ verge_lane_position verge_road_project(const verge_road* road, double x, double 
         return best;
     }
     double best_misfit = VG_HUGE;
-    for (uint32_t i = 0; i < road->lane_count; ++i) {
+    vg_nearby nearby = vg_road_nearby(road, x, y);
+    for (int32_t i = vg_nearby_next(&nearby); i >= 0; i = vg_nearby_next(&nearby)) {
         const vg_lane* lane = &road->lanes[i];
-        const verge_lane_position at = position_on(lane, x, y);
+        const verge_lane_position at = position_on(lane, x, y, nearby.s);
         const double here = misfit(lane, &at, heading);
         if (at.contained && at.lane_id == prefer_lane) {
             return at;
@@ -143,7 +173,12 @@ verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_i
     if (lane == NULL || !vg_finite(x) || !vg_finite(y)) {
         return (verge_lane_position){ .lane_id = VERGE_NO_LANE };
     }
-    return position_on(lane, x, y);
+    return position_on(lane, x, y, 0.0);
+}
+
+verge_lane_position vg_nearby_position(const vg_nearby* nearby)
+{
+    return position_on(&nearby->road->lanes[nearby->lane], nearby->x, nearby->y, nearby->s);
 }
 
 void verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
@@ -275,20 +310,23 @@ static void take_memory(vg_road_draft* draft, vg_arena* arena)
     const verge_road_def* def = draft->def;
     const size_t n = def->lane_count;
     struct verge_road* road = vg_arena_take(arena, sizeof *road);
-    const struct verge_road of = {
+    struct verge_road of = {
         .lane_count = def->lane_count,
         .lanes = vg_arena_take(arena, n * sizeof *of.lanes),
         .by_id = vg_arena_take(arena, n * sizeof *of.by_id),
         .predecessors_from = vg_arena_take(arena, (n + 1) * sizeof *of.predecessors_from),
         .predecessors = vg_arena_take(arena, successor_total(def) * sizeof *of.predecessors),
-        .relations = vg_arena_take(arena, n * n * sizeof *of.relations),
-        .on_route = vg_arena_take(arena, n * (n + 1) * sizeof *of.on_route),
-        .changes = vg_arena_take(arena, n * n * sizeof *of.changes),
-        .move = vg_arena_take(arena, n * n * sizeof *of.move),
-        .next = vg_arena_take(arena, n * (n + 1) * sizeof *of.next),
-        .continues = vg_arena_take(arena, n * sizeof *of.continues),
-        .conflicts = vg_arena_take(arena, VERGE_CONFLICTS_MAX * sizeof *of.conflicts),
+        .ways = vg_arena_take(arena, n * n * sizeof *of.ways),
+        .bundles_from = vg_arena_take(arena, (n + 1) * sizeof *of.bundles_from),
+        .bundle_lanes = vg_arena_take(arena, n * sizeof *of.bundle_lanes),
+        .merges_from = vg_arena_take(arena, (n + 1) * sizeof *of.merges_from),
+        .merges = vg_arena_take(arena, 2 * draft->meetings.pairs * sizeof *of.merges),
+        .conflicts_from = vg_arena_take(arena, (n + 1) * sizeof *of.conflicts_from),
+        .conflicts = vg_arena_take(arena, 2 * draft->meetings.areas * sizeof *of.conflicts),
+        .merge_capacity = 2 * draft->meetings.pairs,
+        .conflict_capacity = 2 * draft->meetings.areas,
     };
+    vg_road_grid_take(&of.grid, arena, def);
     for (size_t i = 0; i < n; ++i) {
         vg_lane_storage ignored;
         take_lane(draft->storage != NULL ? &draft->storage[i] : &ignored, arena, &def->lanes[i]);
@@ -367,9 +405,9 @@ static const vg_lane* lane_of(const verge_road* road, int32_t lane_id)
     return index < 0 ? NULL : &road->lanes[index];
 }
 
-static verge_lane_position position_on(const vg_lane* lane, double x, double y)
+static verge_lane_position position_on(const vg_lane* lane, double x, double y, double s_hint)
 {
-    const double s = vg_lane_project(lane, x, y, __builtin_nan(""));
+    const double s = vg_lane_project_whole(lane, x, y, s_hint);
     const vg_reference at = vg_lane_at(lane, s);
     verge_lane_position position;
     position.lane_id = lane->id;
@@ -392,5 +430,5 @@ static double misfit(const vg_lane* lane, const verge_lane_position* at, double 
     const double aside = vg_max(vg_abs(at->d) - half, 0.0);
     const double beyond = vg_max(vg_max(-at->s, at->s - lane->length), 0.0);
     const double distance = vg_sqrt(aside * aside + beyond * beyond);
-    return distance <= edge_reach ? 1e3 + distance : VG_HUGE;
+    return distance <= VG_EDGE_REACH ? 1e3 + distance : VG_HUGE;
 }

@@ -13,12 +13,16 @@
 #include "geometry/line.h"
 #include "verge/road.h"
 
+#include <assert.h>
+
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 /// Spacing of a lane's reference knots is close to this; exactly length / (knot_count - 1). [m]
 #define VG_KNOT_SPACING 1.0
+/// How far along the graph lanes are related. [m]
+#define VG_RELATION_REACH 300.0
 /// Spacing of the station bins. [m]
 #define VG_BIN 4.0
 
@@ -42,6 +46,7 @@ typedef struct vg_lane {
     int32_t  successors[VERGE_SUCCESSORS_MAX];
     uint32_t successor_count;
     double   speed_min;            ///< [m/s] least of the bins
+    bool     change_left, change_right; ///< some bin has that gap
     bool     dead_end;             ///< nothing continues it though a neighbour goes on for >= 20 m:
                                    ///< whoever is on it must leave it or stop before its end
     uint32_t bundle;
@@ -50,7 +55,7 @@ typedef struct vg_lane {
     const vg_bin* bins;
 } vg_lane;
 
-/// How a vehicle on lane B appears to one on lane A (row A, column B).
+/// How a vehicle on lane B appears to one on lane A, see local.h.
 /// Its station as A sees it is station_B + offset, its lateral position y_B + lateral.
 typedef struct vg_relation {
     float   offset;   ///< [m] add to B's station
@@ -59,8 +64,7 @@ typedef struct vg_relation {
                       ///< +-period/2
     float   touch;    ///< [m] A's station from which bodies on A and B can touch. -VG_HUGE: anywhere
                       ///< (same bundle, or joined by successors); merging lanes: where they come
-                      ///< close for good, +VG_HUGE if not before A's end. Diverged lanes: A's
-                      ///< station *until* which they can touch
+                      ///< close for good, +VG_HUGE if not before A's end
     uint8_t kind;     ///< vg_relation_kind
 } vg_relation;
 
@@ -70,48 +74,100 @@ typedef enum vg_relation_kind {
     VG_DOWNSTREAM,     ///< B is reached from A's bundle by successors
     VG_UPSTREAM,       ///< the reverse
     VG_MERGING,        ///< both lead to a common lane downstream
-    VG_DIVERGED,       ///< both come from a common lane and still run through the same area
+    VG_DIVERGED,       ///< both come from a common lane and still run through the same area: while a
+                       ///< road is built; to vehicles such lanes are unrelated
 } vg_relation_kind;
 
+/// A lane that leads to the same lane downstream as this one and comes close to it before: what
+/// relates two vehicles on them.
+typedef struct vg_merge {
+    uint16_t other;                  ///< lane index
+    float    cost;                   ///< [m] to the common lane, of the longer way
+    float    offset, lateral, touch; ///< [m] see vg_relation
+} vg_merge;
+
 /// Stretches of two lanes, not related above, where bodies of up to 2.6 m could touch
-/// (a crossing, a roundabout entry that no successor describes). Stored for both orders.
+/// (a crossing, a roundabout entry that no successor describes). Stored for both lanes.
 typedef struct vg_conflict {
-    uint32_t lane, other;          ///< lane indices
-    float    from, to;             ///< [m] stretch of `lane`, in its stations
+    uint16_t other;                ///< lane index
+    float    from, to;             ///< [m] stretch of the lane, in its stations
     float    other_from, other_to; ///< [m] stretch of `other`, in its stations
 } vg_conflict;
 
+/// Some metres of one lane, for looking up what is near a point.
+typedef struct vg_chunk {
+    float    x0, y0, x1, y1;       ///< [m] box around its knots
+    uint16_t lane;
+    uint16_t index;                ///< within its lane
+} vg_chunk;
+enum { VG_CHUNK_KNOTS = 24 };      ///< intervals of a chunk
+
+/// Square cells over the road, each with the chunks that bodies in it could be on.
+typedef struct vg_grid {
+    double    x, y, cell;          ///< [m] corner of the first cell, side of a cell
+    uint32_t  columns, rows;
+    uint32_t* from;                ///< [columns * rows + 1] a cell's part of `chunk_of` begins here
+    uint32_t* chunk_of;            ///< ascending within each part
+    vg_chunk* chunks;              ///< ordered by lane
+    uint32_t  chunk_count, total;  ///< chunks; how often cells name one
+} vg_grid;
+
+/// What a vehicle on a lane does to reach its target lane, packed into a byte.
+typedef uint8_t vg_way;
+enum {
+    VG_WAY_CHANGES = 7,      ///< lane changes needed, at most 6 are counted; 7: it cannot get there
+    VG_WAY_TURN_SHIFT = 3,   ///< next lane change: 0 none here, 1 left, 2 right
+    VG_WAY_NEXT_SHIFT = 5,   ///< which of its successors continues the lane
+};
+static_assert(VERGE_SUCCESSORS_MAX <= 8, "a way has three bits for the successor");
+
+/// Lists of lanes, all in one array: the part of lane i is of[from[i]] .. of[from[i + 1] - 1].
 struct verge_road {
     uint32_t lane_count;
+    uint64_t fingerprint;          ///< of what is built: tells roads apart that follow one another
     vg_lane* lanes;
     uint16_t* by_id;               ///< [lane_count] lane indices in the order of their ids
-    uint32_t* predecessors_from;   ///< [lane_count + 1] a lane's part of predecessors begins here
+    uint32_t* predecessors_from;   ///< [lane_count + 1]
     uint16_t* predecessors;        ///< lane indices, ascending within each part
-    vg_relation* relations;        ///< [lane_count][lane_count]
-    uint64_t* on_route;            ///< [lane][target + 1]: lanes (bits) that a vehicle on `lane` that
-                                   ///< wants to `target` (index, -1 none) has to look at as leaders
-                                   ///< or followers: related lanes less the branches it will not
-                                   ///< take and less those that have parted from its lane
-    uint8_t* changes;              ///< [lane][target]: lane changes needed to reach target; 255: never
-    int8_t*  move;                 ///< [lane][target]: +1 change left is the way, -1 right, 0 drive on
-    int32_t* next;                 ///< [lane][target + 1]: lane index that continues lane, -1 none
-    uint64_t* continues;           ///< [target]: lanes (bits) that are target or continue it
-    uint32_t conflict_count;
-    vg_conflict* conflicts;        ///< ordered by lane
-    uint64_t conflict_lanes;       ///< lanes (bits) that have any
+    uint32_t* bundles_from;        ///< [bundles + 1] by bundle
+    uint16_t* bundle_lanes;        ///< [lane_count] ascending within each part
+    uint32_t* merges_from;         ///< [lane_count + 1]
+    vg_merge* merges;              ///< ascending by other within each part
+    uint32_t* conflicts_from;      ///< [lane_count + 1]
+    vg_conflict* conflicts;        ///< ascending by other within each part
+    uint32_t merge_capacity, conflict_capacity;
+    bool     has_successors;       ///< some lane has
+    vg_way*  ways;                 ///< [target][lane]
+    vg_grid  grid;
 };
 
 enum { VG_NEVER = 255 };
 
 /// Builds a road in the arena. scratch is used and emptied. The def must have passed
 /// verge_road_check(). A measuring arena (see arena.h) gets exactly the size, at no cost: nothing
-/// is fitted, scratch is not looked at, the result is null.
-/// Null also where memory does not fit, or the road has more than VERGE_CONFLICTS_MAX conflicts.
+/// is fitted, scratch is not looked at, the result is null. Null also where memory does not fit.
 struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge_road_def* def);
 /// Bytes of scratch vg_road_build() needs.
 size_t vg_road_scratch_size(const verge_road_def* def);
 
 int32_t vg_road_lane_index(const struct verge_road* road, int32_t lane_id); ///< -1 unknown
+
+/// Is `lane` the lane `first`, or one that continues it by successors?
+bool vg_road_continues(const struct verge_road* road, uint32_t first, uint32_t lane);
+
+/// The lanes that a body at (x, y) could be on, one after the other in the order of the lanes:
+/// start with vg_road_nearby(), then ask for the next one, -1 no more.
+typedef struct vg_nearby {
+    const struct verge_road* road;
+    double   x, y;
+    uint32_t at, end; ///< of grid.chunk_of
+    int32_t  lane;    ///< the last one
+    double   s;       ///< [m] where on it, roughly
+} vg_nearby;
+vg_nearby vg_road_nearby(const struct verge_road* road, double x, double y);
+int32_t   vg_nearby_next(vg_nearby* nearby);
+/// The position of (x, y) on that lane.
+verge_lane_position vg_nearby_position(const vg_nearby* nearby);
 
 static inline uint32_t vg_lane_predecessor_count(const struct verge_road* road, uint32_t lane)
 {
@@ -126,41 +182,37 @@ static inline int32_t vg_lane_predecessor(const struct verge_road* road, uint32_
 /// The lane before `lane` whose end fits its start best, -1 none.
 int32_t vg_lane_before(const struct verge_road* road, uint32_t lane);
 
-/// How a vehicle on lane b appears to one on lane a.
-static inline const vg_relation* vg_road_relation(const struct verge_road* road, uint32_t a, uint32_t b)
+/// Does the lane run through an area shared with a lane that is not related to it?
+static inline bool vg_road_has_conflicts(const struct verge_road* road, uint32_t lane)
 {
-    return &road->relations[a * road->lane_count + b];
+    return road->conflicts_from[lane] != road->conflicts_from[lane + 1];
 }
-/// Has a vehicle on `lane` with this target (lane index, -1 none) to look at those on `other`?
-static inline bool vg_road_matters(const struct verge_road* road, uint32_t lane, int32_t target,
-                                   uint32_t other)
+
+static inline vg_way vg_road_way(const struct verge_road* road, uint32_t lane, uint32_t target)
 {
-    return (road->on_route[lane * (road->lane_count + 1u) + (uint32_t)(target + 1)] >> other & 1u) != 0;
+    return road->ways[target * road->lane_count + lane];
 }
 /// Lane changes needed from `lane` to reach the lane `target`; VG_NEVER: it cannot be reached.
 static inline uint32_t vg_road_changes(const struct verge_road* road, uint32_t lane, uint32_t target)
 {
-    return road->changes[lane * road->lane_count + target];
+    const uint32_t changes = vg_road_way(road, lane, target) & VG_WAY_CHANGES;
+    return changes == VG_WAY_CHANGES ? VG_NEVER : changes;
 }
 /// Next lane change towards the lane `target`: +1 left, -1 right, 0 none here.
 static inline int32_t vg_road_turn(const struct verge_road* road, uint32_t lane, uint32_t target)
 {
-    return road->move[lane * road->lane_count + target];
+    const uint32_t turn = vg_road_way(road, lane, target) >> VG_WAY_TURN_SHIFT & 3u;
+    return turn == 2 ? -1 : (int32_t)turn;
 }
 /// The lane that continues `lane` towards `target` (lane index, -1 none); -1: the lane ends.
 static inline int32_t vg_road_next(const struct verge_road* road, uint32_t lane, int32_t target)
 {
-    return road->next[lane * (road->lane_count + 1u) + (uint32_t)(target + 1)];
-}
-/// Is `lane` the lane `first`, or one that continues it by successors?
-static inline bool vg_road_continues(const struct verge_road* road, uint32_t first, uint32_t lane)
-{
-    return (road->continues[first] >> lane & 1u) != 0;
-}
-/// Does the lane run through an area shared with a lane that is not related to it?
-static inline bool vg_road_has_conflicts(const struct verge_road* road, uint32_t lane)
-{
-    return (road->conflict_lanes >> lane & 1u) != 0;
+    const vg_lane* from = &road->lanes[lane];
+    if (from->successor_count == 0) {
+        return -1;
+    }
+    return target < 0 ? from->successors[0]
+                      : from->successors[vg_road_way(road, lane, (uint32_t)target) >> VG_WAY_NEXT_SHIFT];
 }
 
 /// The lanes a vehicle drives over, one after the other: start with its lane and target, then ask
@@ -207,7 +259,6 @@ static inline double vg_lane_project(const vg_lane* lane, double x, double y, do
 {
     return vg_line_project(&lane->line, x, y, s_guess);
 }
-
 /// Over the whole lane, as with s_guess NaN; faster the nearer the hint.
 static inline double vg_lane_project_whole(const vg_lane* lane, double x, double y, double s_hint)
 {

@@ -1,5 +1,5 @@
-/// The ways through the graph: for every lane and target how many lane changes it takes, what to
-/// do next, and which lanes matter to a vehicle on that way.
+/// The ways through the graph: for every target and lane how many lane changes it takes, and what to
+/// do next; and which lanes end where a vehicle must not stay.
 #include "road/build.h"
 
 #include "base/contract.h"
@@ -10,182 +10,219 @@
 /// A neighbour that goes on less than this beyond a lane's end does not make it a dead end. [m]
 static const double dead_end_length = 20.0;
 
-static uint64_t lanes_after(const struct verge_road* road, uint32_t lane);
-static void route_to(struct verge_road* road, uint32_t target);
-static void relax(uint32_t changes, double length, uint32_t* best_changes, double* best_length);
-static bool change_exists(const vg_lane* lane, bool left);
-static uint64_t lanes_that_matter(const struct verge_road* road, uint32_t lane, uint32_t column);
+/// The best way known from a lane to the target: fewest changes first, then the shortest.
+typedef struct best {
+    uint32_t changes; ///< VG_NEVER: none
+    double   length;  ///< [m]
+} best;
+
+/// The search for the ways to one target, in scratch.
+typedef struct search {
+    const struct verge_road* road;
+    best*     known;      ///< [lane_count]
+    uint16_t* open;       ///< [lane_count] a ring of lanes whose way has become better
+    bool*     is_open;    ///< [lane_count]
+    uint32_t  first, count;
+    uint32_t* beside_from; ///< [lane_count + 1]
+    uint16_t* beside;     ///< lanes from which a change to the lane is possible
+} search;
+
+static bool search_take(search* self, vg_road_draft* draft);
+static void route_to(search* self, uint32_t target);
+static vg_way way_from(const search* self, uint32_t lane);
 static bool is_dead_end(const struct verge_road* road, uint32_t lane);
 
 void vg_road_route(vg_road_draft* draft)
 {
     struct verge_road* road = draft->road;
-    const uint32_t n = road->lane_count;
-    for (uint32_t i = 0; i < n; ++i) {
-        road->continues[i] = lanes_after(road, i);
-        const vg_lane* lane = &road->lanes[i];
-        road->next[i * (n + 1)] = lane->successor_count > 0 ? lane->successors[0] : -1;
+    search self = { .road = road };
+    if (!search_take(&self, draft)) {
+        return;
     }
-    for (uint32_t target = 0; target < n; ++target) {
-        route_to(road, target);
-    }
-    for (uint32_t i = 0; i < n; ++i) {
-        road->lanes[i].dead_end = is_dead_end(road, i);
-        for (uint32_t column = 0; column <= n; ++column) {
-            road->on_route[i * (n + 1) + column] = lanes_that_matter(road, i, column);
-        }
-    }
-}
-
-/// The lane and all that continue it by successors.
-static uint64_t lanes_after(const struct verge_road* road, uint32_t lane)
-{
-    uint64_t set = (uint64_t)1 << lane;
-    for (uint64_t before = 0; before != set;) {
-        before = set;
+    for (uint32_t target = 0; target < road->lane_count; ++target) {
+        route_to(&self, target);
         for (uint32_t i = 0; i < road->lane_count; ++i) {
-            for (uint32_t k = 0; (before >> i & 1u) != 0 && k < road->lanes[i].successor_count;
-                 ++k) {
-                set |= (uint64_t)1 << road->lanes[i].successors[k];
-            }
+            road->ways[target * road->lane_count + i] = way_from(&self, i);
         }
     }
-    return set;
-}
-
-/// Backwards from the target and all that continues it: fewest changes first, then the shortest
-/// way; the passes end when nothing improves, each in the order of the lanes.
-static void route_to(struct verge_road* road, uint32_t target)
-{
-    const uint32_t n = road->lane_count;
-    uint32_t changes[VERGE_LANES_MAX];
-    double length[VERGE_LANES_MAX];
-    for (uint32_t i = 0; i < n; ++i) {
-        const bool there = (road->continues[target] >> i & 1u) != 0;
-        changes[i] = there ? 0 : VG_NEVER;
-        length[i] = there ? 0.0 : VG_HUGE;
-    }
-    bool improved = true;
-    for (uint32_t pass = 0; improved && pass < 2 * n; ++pass) {
-        improved = false;
-        for (uint32_t i = 0; i < n; ++i) {
-            const vg_lane* lane = &road->lanes[i];
-            uint32_t best = changes[i];
-            double way = length[i];
-            for (uint32_t k = 0; k < lane->successor_count; ++k) {
-                const int32_t next = lane->successors[k];
-                relax(changes[next], length[next] + lane->length, &best, &way);
-            }
-            if (change_exists(lane, true)) {
-                relax(changes[lane->left] + 1, length[lane->left], &best, &way);
-            }
-            if (change_exists(lane, false)) {
-                relax(changes[lane->right] + 1, length[lane->right], &best, &way);
-            }
-            if (best < changes[i] || (best == changes[i] && way < length[i])) {
-                changes[i] = best;
-                length[i] = way;
-                improved = true;
-            }
-        }
-    }
-    for (uint32_t i = 0; i < n; ++i) {
-        const vg_lane* lane = &road->lanes[i];
-        int32_t next = lane->successor_count > 0 ? lane->successors[0] : -1;
-        for (uint32_t k = 1; k < lane->successor_count; ++k) {
-            const int32_t other = lane->successors[k];
-            if (changes[other] < changes[next]
-                || (changes[other] == changes[next] && length[other] < length[next])) {
-                next = other;
-            }
-        }
-        road->next[i * (n + 1) + target + 1] = next;
-        road->changes[i * n + target] = (uint8_t)changes[i];
-
-        // Where a change is needed anyway it is the way as soon as it helps: the stretch may end.
-        const bool needed = changes[i] > 0 && changes[i] < VG_NEVER;
-        const bool left = needed && change_exists(lane, true)
-                          && changes[lane->left] + 1 == changes[i];
-        const bool right = needed && change_exists(lane, false)
-                           && changes[lane->right] + 1 == changes[i]
-                           && (!left || length[lane->right] < length[lane->left]);
-        road->move[i * n + target] = right ? -1 : left ? 1 : 0;
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        road->has_successors = road->has_successors || road->lanes[i].successor_count > 0;
+        road->lanes[i].dead_end = is_dead_end(road, i);
     }
 }
 
-static void relax(uint32_t changes, double length, uint32_t* best_changes, double* best_length)
+size_t vg_road_route_scratch_size(const verge_road_def* def)
 {
-    if (changes < *best_changes || (changes == *best_changes && length < *best_length)) {
-        *best_changes = changes;
-        *best_length = length;
-    }
+    const size_t n = def->lane_count;
+    return n * (sizeof(best) + 3 * sizeof(uint16_t) + sizeof(bool)) + (n + 1) * sizeof(uint32_t)
+           + 6 * VG_ARENA_ALIGN;
 }
 
-static bool change_exists(const vg_lane* lane, bool left)
+/// The lane that a change from `lane` leads to, -1 none.
+static int32_t changed_to(const vg_lane* lane, uint32_t side)
 {
-    if ((left ? lane->left : lane->right) < 0) {
+    return side == 0 ? (lane->change_left ? lane->left : -1)
+                     : (lane->change_right ? lane->right : -1);
+}
+
+static bool search_take(search* self, vg_road_draft* draft)
+{
+    vg_arena* scratch = draft->scratch;
+    scratch->used = draft->scratch_start;
+    const struct verge_road* road = self->road;
+    const size_t n = road->lane_count;
+    self->known = vg_arena_take(scratch, n * sizeof *self->known);
+    self->open = vg_arena_take(scratch, n * sizeof *self->open);
+    self->is_open = vg_arena_take(scratch, n * sizeof *self->is_open);
+    self->beside_from = vg_arena_take(scratch, (n + 1) * sizeof *self->beside_from);
+    self->beside = vg_arena_take(scratch, 2 * n * sizeof *self->beside);
+    if (scratch->failed) {
         return false;
     }
-    for (uint32_t i = 0; i < lane->bin_count; ++i) {
-        if ((left ? lane->bins[i].left_gap : lane->bins[i].right_gap) > 0.0f) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/// All related lanes, less those downstream that no lane of the bundle leads to on this route,
-/// those that merge into such, and those that have parted from the vehicle's lane.
-static uint64_t lanes_that_matter(const struct verge_road* road, uint32_t lane, uint32_t column)
-{
-    const uint32_t n = road->lane_count;
-    uint64_t bundles = (uint64_t)1 << road->lanes[lane].bundle; // at most one bundle a lane
-    for (uint32_t i = 0; i < n; ++i) {
-        if (road->lanes[i].bundle != road->lanes[lane].bundle) {
-            continue;
-        }
-        int32_t on = (int32_t)i;
-        for (uint32_t step = 0; step < n && on >= 0; ++step) {
-            bundles |= (uint64_t)1 << road->lanes[on].bundle;
-            on = road->next[(uint32_t)on * (n + 1) + column];
-        }
-    }
-    uint64_t set = 0;
-    for (uint32_t other = 0; other < n; ++other) {
-        bool matters = false;
-        switch ((vg_relation_kind)road->relations[lane * n + other].kind) {
-        case VG_SAME_BUNDLE:
-        case VG_UPSTREAM:
-            matters = true;
-            break;
-        case VG_DOWNSTREAM:
-            matters = (bundles >> road->lanes[other].bundle & 1u) != 0;
-            break;
-        case VG_MERGING: // some lane that continues the other is on the way
-            for (uint32_t c = 0; c < n; ++c) {
-                matters = matters || ((road->continues[other] >> c & 1u) != 0 && c != other
-                                      && (bundles >> road->lanes[c].bundle & 1u) != 0);
+    uint32_t count = 0;
+    for (uint32_t to = 0; to < n; ++to) { // of the lanes beside it alone: a bundle is small
+        const uint32_t bundle = road->lanes[to].bundle;
+        self->beside_from[to] = count;
+        for (uint32_t k = road->bundles_from[bundle]; k < road->bundles_from[bundle + 1]; ++k) {
+            for (uint32_t side = 0; side < 2; ++side) {
+                if (changed_to(&road->lanes[road->bundle_lanes[k]], side) == (int32_t)to) {
+                    self->beside[count++] = road->bundle_lanes[k];
+                }
             }
-            break;
-        case VG_DIVERGED:
-        case VG_UNRELATED:
-            break;
         }
-        set |= matters ? (uint64_t)1 << other : 0;
     }
-    return set;
+    self->beside_from[n] = count;
+    VERGE_ASSERT(count <= 2 * n);
+    return true;
 }
 
-/// [m] that can be driven from a lane's end on by successors, as far as it matters here.
-static double way_beyond(const struct verge_road* road, uint32_t lane)
+static void open_lane(search* self, uint32_t lane)
 {
-    double way = 0.0;
+    if (!self->is_open[lane]) {
+        self->is_open[lane] = true;
+        self->open[(self->first + self->count++) % self->road->lane_count] = (uint16_t)lane;
+    }
+}
+
+static uint32_t next_open(search* self)
+{
+    const uint32_t lane = self->open[self->first];
+    self->first = (self->first + 1) % self->road->lane_count;
+    --self->count;
+    self->is_open[lane] = false;
+    return lane;
+}
+
+static void improve(search* self, uint32_t lane, uint32_t changes, double length)
+{
+    best* known = &self->known[lane];
+    if (changes < known->changes || (changes == known->changes && length < known->length)) {
+        *known = (best){ changes, length };
+        open_lane(self, lane);
+    }
+}
+
+/// Backwards from the target and all that continues it, until no way becomes better.
+static void route_to(search* self, uint32_t target)
+{
+    const struct verge_road* road = self->road;
     for (uint32_t i = 0; i < road->lane_count; ++i) {
-        if (i != lane && (road->continues[lane] >> i & 1u) != 0) {
-            way += road->lanes[i].length;
+        self->known[i] = (best){ VG_NEVER, VG_HUGE };
+    }
+    improve(self, target, 0, 0.0);
+    while (self->count > 0) { // who continues the target is there
+        const vg_lane* lane = &road->lanes[next_open(self)];
+        for (uint32_t k = 0; k < lane->successor_count; ++k) {
+            improve(self, (uint32_t)lane->successors[k], 0, 0.0);
         }
     }
-    return road->lanes[lane].successor_count > 0 ? vg_max(way, road->lanes[lane].length) : 0.0;
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        if (self->known[i].changes == 0) {
+            open_lane(self, i);
+        }
+    }
+    while (self->count > 0) {
+        const uint32_t at = next_open(self);
+        const best here = self->known[at];
+        for (uint32_t k = 0; k < vg_lane_predecessor_count(road, at); ++k) {
+            const uint32_t before = (uint32_t)vg_lane_predecessor(road, at, k);
+            improve(self, before, here.changes, here.length + road->lanes[before].length);
+        }
+        for (uint32_t k = self->beside_from[at]; k < self->beside_from[at + 1]; ++k) {
+            improve(self, self->beside[k], here.changes + 1, here.length);
+        }
+    }
+}
+
+static bool is_better(const best* a, const best* b)
+{
+    return a->changes < b->changes || (a->changes == b->changes && a->length < b->length);
+}
+
+static vg_way way_from(const search* self, uint32_t index)
+{
+    const vg_lane* lane = &self->road->lanes[index];
+    const best* known = self->known;
+    uint32_t next = 0;
+    for (uint32_t k = 1; k < lane->successor_count; ++k) {
+        next = is_better(&known[lane->successors[k]], &known[lane->successors[next]]) ? k : next;
+    }
+    // Where a change is needed anyway it is the way as soon as it helps: the stretch may end.
+    const uint32_t changes = known[index].changes;
+    const bool needed = changes > 0 && changes < VG_NEVER;
+    const int32_t to_left = changed_to(lane, 0), to_right = changed_to(lane, 1);
+    const bool left = needed && to_left >= 0 && known[to_left].changes + 1 == changes;
+    const bool right = needed && to_right >= 0 && known[to_right].changes + 1 == changes
+                       && (!left || known[to_right].length < known[to_left].length);
+    const uint32_t counted = changes >= VG_NEVER ? VG_WAY_CHANGES
+                             : changes < VG_WAY_CHANGES ? changes : VG_WAY_CHANGES - 1u;
+    const uint32_t turn = right ? 2u : left ? 1u : 0u;
+    return (vg_way)(counted | turn << VG_WAY_TURN_SHIFT | next << VG_WAY_NEXT_SHIFT);
+}
+
+bool vg_road_continues(const struct verge_road* road, uint32_t first, uint32_t lane)
+{
+    uint16_t open[VERGE_LANES_MAX];
+    bool known[VERGE_LANES_MAX] = { false };
+    uint32_t count = 0;
+    open[count++] = (uint16_t)first;
+    known[first] = true;
+    for (uint32_t at = 0; at < count && !known[lane]; ++at) {
+        const vg_lane* here = &road->lanes[open[at]];
+        for (uint32_t k = 0; k < here->successor_count; ++k) {
+            const uint32_t next = (uint32_t)here->successors[k];
+            if (!known[next]) {
+                known[next] = true;
+                open[count++] = (uint16_t)next;
+            }
+        }
+    }
+    return known[lane];
+}
+
+/// Can `wanted` metres be driven from a lane's end on by successors, counting each lane once?
+static bool goes_on(const struct verge_road* road, uint32_t lane, double wanted)
+{
+    enum { LANES = 64 }; // more of them are longer than what is asked for here
+    uint16_t open[LANES];
+    uint32_t count = 0;
+    open[count++] = (uint16_t)lane;
+    double way = 0.0;
+    for (uint32_t at = 0; at < count && way < wanted; ++at) {
+        const vg_lane* here = &road->lanes[open[at]];
+        for (uint32_t k = 0; k < here->successor_count && count < LANES; ++k) {
+            bool known = false;
+            for (uint32_t m = 0; m < count; ++m) {
+                known = known || open[m] == here->successors[k];
+            }
+            if (!known) {
+                way += road->lanes[here->successors[k]].length;
+                open[count++] = (uint16_t)here->successors[k];
+            }
+        }
+    }
+    const vg_lane* own = &road->lanes[lane];
+    return (own->successor_count > 0 ? vg_max(way, own->length) : 0.0) >= wanted;
 }
 
 static bool is_dead_end(const struct verge_road* road, uint32_t index)
@@ -194,14 +231,14 @@ static bool is_dead_end(const struct verge_road* road, uint32_t index)
     if (lane->successor_count > 0) {
         return false;
     }
-    for (uint32_t i = 0; i < road->lane_count; ++i) {
+    for (uint32_t k = road->bundles_from[lane->bundle]; k < road->bundles_from[lane->bundle + 1];
+         ++k) {
+        const uint32_t i = road->bundle_lanes[k];
         const vg_lane* other = &road->lanes[i];
-        const bool beside = i != index && other->bundle == lane->bundle
-                            && other->station_start < lane->station_end;
         // Neighbours that end a little earlier and go on count as much as those that run by.
-        const double end = other->station_end + way_beyond(road, i);
-        if (beside && end >= lane->station_end + dead_end_length
-            && other->station_end > lane->station_end - dead_end_length) {
+        if (i != index && other->station_start < lane->station_end
+            && other->station_end > lane->station_end - dead_end_length
+            && goes_on(road, i, lane->station_end + dead_end_length - other->station_end)) {
             return true;
         }
     }

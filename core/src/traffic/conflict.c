@@ -95,6 +95,21 @@ VG_INLINE uint32_t conflicts_after(const vg_model* model, const vg_flow* flow, c
     return conflicts;
 }
 
+// Controlled vehicles (bits) that would enter an area which another one sweeps.
+static __attribute__((noinline)) uint32_t conflicts_in_areas(const vg_model* model, const vg_flow* flow,
+                                                             const chosen* to)
+{
+    uint32_t conflicts = 0;
+    for (uint32_t i = 0; i < model->controlled_count; ++i) {
+        for (uint32_t j = 0; j < model->count; ++j) {
+            if (i != j && areas_conflict(model, flow, to->station, i, j)) {
+                conflicts |= 1u << i;
+            }
+        }
+    }
+    return conflicts;
+}
+
 uint32_t vg_flow_conflicts(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
                            const uint8_t* actions)
 {
@@ -105,12 +120,8 @@ uint32_t vg_flow_conflicts(const vg_model* model, const vg_flow* flow, const vg_
         conflicts |= model->single_axis ? conflicts_after(model, flow, &to, i, true)
                                         : conflicts_after(model, flow, &to, i, false);
     }
-    for (uint32_t i = 0; model->road->conflict_lanes != 0 && i < model->controlled_count; ++i) {
-        for (uint32_t j = 0; j < model->count; ++j) {
-            if (i != j && areas_conflict(model, flow, to.station, i, j)) {
-                conflicts |= 1u << i;
-            }
-        }
+    if (model->conflicts) {
+        conflicts |= conflicts_in_areas(model, flow, &to);
     }
     return conflicts;
 }
@@ -131,9 +142,9 @@ static bool areas_conflict(const vg_model* model, const vg_flow* flow, const flo
         return false;
     }
     const float half_i = model->half_length[i], half_j = model->half_length[j];
-    for (uint32_t k = 0; k < road->conflict_count; ++k) {
+    for (uint32_t k = road->conflicts_from[lane_i]; k < road->conflicts_from[lane_i + 1u]; ++k) {
         const vg_conflict* area = &road->conflicts[k];
-        if (area->lane != lane_i || area->other != lane_j) {
+        if (area->other != lane_j) {
             continue;
         }
         const bool in_i = sweeps(flow->station[i], flow->station[i], half_i, area->from, area->to);

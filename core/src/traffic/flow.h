@@ -11,7 +11,7 @@
 
 #include "base/arena.h"
 #include "base/contract.h"
-#include "road/road.h"
+#include "road/local.h"
 #include "verge/scene.h"
 
 #include <assert.h>
@@ -33,7 +33,7 @@ extern "C" {
 /// Larger than any distance on a road: stands for an absent or unrelated vehicle. [m]
 #define VG_FAR_AWAY 1e9f
 
-static_assert(VERGE_VEHICLES_MAX <= 64 && VERGE_LANES_MAX <= 64, "sets are 64-bit masks");
+static_assert(VERGE_VEHICLES_MAX <= 64, "sets of vehicles are 64-bit masks");
 
 /// All vehicles at one instant. Slots 0 .. controlled_count - 1 are controlled.
 typedef struct vg_flow {
@@ -68,11 +68,12 @@ typedef struct vg_pairs {
     uint32_t stride; ///< vehicles in a row
     vg_pair* of;     ///< [observer * stride + other]
     int32_t* lane;   ///< [stride] the lanes for which the pairs are valid, -1 none
+    vg_local* local; ///< relations of the lanes near the vehicles
 } vg_pairs;
 
-/// Takes memory for the pairs of vehicles_max vehicles. Null: they do not fit, or the arena is
-/// measuring.
-vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max);
+/// Takes memory for the pairs of vehicles_max vehicles on a road of lane_count lanes, 0: not known.
+/// Null: they do not fit, or the arena is measuring.
+vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max, uint32_t lane_count);
 
 /// The quantities that stay constant during a search.
 typedef struct vg_model {
@@ -81,6 +82,7 @@ typedef struct vg_model {
     uint32_t count, controlled_count;
     bool     single_axis; ///< one bundle, no successors, no conflicts: stations compare as they are
     bool     rings;   ///< some relation has a period
+    bool     conflicts; ///< some lanes conflict
     uint32_t input_index[VERGE_VEHICLES_MAX];  ///< in the step's sorted vehicles
     VG_ALIGNED float half_length[VERGE_VEHICLES_MAX]; ///< [m] with margin
     VG_ALIGNED float half_width[VERGE_VEHICLES_MAX];  ///< [m] with margin
@@ -95,9 +97,8 @@ typedef struct vg_model {
     /// the flow are those of the middle.
     double   back[VERGE_VEHICLES_MAX];
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
-    uint64_t target_lanes[VERGE_CONTROLLED_MAX]; ///< lanes that count as the target lane
-    /// [1] 1 on a target lane; see VG_VALUE_ONE_CHANGE for other lanes.
-    float    lane_value[VERGE_CONTROLLED_MAX][VERGE_LANES_MAX];
+    const vg_way* ways[VERGE_CONTROLLED_MAX];  ///< [lane] to the target, null: none
+    uint8_t  column[VERGE_VEHICLES_MAX];       ///< of the target, see vg_local_matters()
     float    gap_weight[VERGE_CONTROLLED_MAX]; ///< [1] of the penalty for a change with a small gap
     float    weight[VERGE_CONTROLLED_MAX];     ///< [1] of R_i in X_flow, Eq. 5; the sum is <= 1
     float    cruise_share;                     ///< [1]

@@ -81,21 +81,8 @@ static void set_target(vg_model* model, const verge_vehicle* vehicle, uint32_t s
     const int32_t target =
         vehicle->target_lane < 0 ? -1 : vg_road_lane_index(road, vehicle->target_lane);
     model->target[slot] = target;
-    uint64_t good = target < 0 ? ~(uint64_t)0 : road->continues[target];
-    for (uint32_t lane = 0; target >= 0 && lane < road->lane_count; ++lane) {
-        if ((uint8_t)vg_road_changes(road, lane, (uint32_t)target) == 0) {
-            good |= (uint64_t)1 << lane;
-        }
-    }
-    model->target_lanes[slot] = good;
+    model->ways[slot] = target < 0 ? NULL : &road->ways[(uint32_t)target * road->lane_count];
     model->gap_weight[slot] = (float)(vehicle->habit.cooperation / normal_cooperation);
-    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
-        const uint8_t changes =
-            target < 0 ? 0 : (uint8_t)vg_road_changes(road, lane, (uint32_t)target);
-        model->lane_value[slot][lane] = ((good >> lane) & 1u) != 0 ? 1.0f
-                                        : changes == VG_NEVER      ? 0.0f
-                                        : (float)VG_VALUE_ONE_CHANGE / (float)changes;
-    }
 }
 
 // Eq. 5 is linear in the R_j: X_flow = sum_j weight_j R_j.
@@ -115,17 +102,15 @@ static void set_weights(vg_model* model, const verge_vehicle* vehicles)
 static bool has_single_axis(const vg_model* model, const vg_flow* flow)
 {
     const verge_road* road = model->road;
-    for (uint32_t lane = 0; lane < road->lane_count; ++lane) {
-        if (road->lanes[lane].successor_count > 0) {
-            return false;
-        }
+    if (road->has_successors) {
+        return false;
     }
     for (uint32_t i = 1; i < model->count; ++i) {
         if (road->lanes[flow->lane[i]].bundle != road->lanes[flow->lane[0]].bundle) {
             return false;
         }
     }
-    return road->conflict_lanes == 0;
+    return !model->conflicts;
 }
 
 uint64_t vg_scene_controlled(const verge_scene* scene)
@@ -135,6 +120,26 @@ uint64_t vg_scene_controlled(const verge_scene* scene)
         set |= (uint64_t)scene->vehicles[i].controlled << i;
     }
     return set;
+}
+
+// Chooses and relates the lanes near the vehicles.
+static void look_around(vg_model* model, const vg_flow* flow)
+{
+    const verge_road* road = model->road;
+    vg_local* local = model->pairs->local;
+    vg_source sources[VERGE_VEHICLES_MAX];
+    for (uint32_t i = 0; i < model->count; ++i) {
+        const uint32_t lane = (uint32_t)flow->lane[i];
+        sources[i] = (vg_source){ .lane = lane, .controlled = i < model->controlled_count,
+                                  .s = vg_lane_s(&road->lanes[lane], (double)flow->station[i]) };
+    }
+    vg_local_cover(local, road, sources, model->count);
+    for (uint32_t i = 0; i < model->count; ++i) {
+        const int32_t target = i < model->controlled_count ? model->target[i] : -1;
+        model->column[i] = (uint8_t)vg_local_column(local, target);
+    }
+    model->rings = local->rings;
+    model->conflicts = road->conflicts_from[road->lane_count] > 0;
 }
 
 void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, vg_pairs* pairs,
@@ -166,9 +171,7 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     }
     VERGE_ASSERT(model->controlled_count <= VERGE_CONTROLLED_MAX);
     model->cruise_share = (float)def->cruise_share;
-    for (uint32_t k = 0; k < road->lane_count * road->lane_count; ++k) {
-        model->rings = model->rings || road->relations[k].period > 0.0f;
-    }
+    look_around(model, flow);
     model->reaction = (float)def->reaction_s;
     model->headway = (float)def->headway_s;
     model->change_gap = (float)def->change_gap;

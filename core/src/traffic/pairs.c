@@ -6,25 +6,26 @@
 // Vehicles on merging lanes see each other from this distance before the lanes come close. [m]
 static const float merge_range = 40.0f;
 
-vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max)
+vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max, uint32_t lane_count)
 {
     vg_pairs* pairs = vg_arena_take(arena, sizeof *pairs);
     vg_pair* of = vg_arena_take(arena, (size_t)vehicles_max * vehicles_max * sizeof *of);
     int32_t* lane = vg_arena_take(arena, vehicles_max * sizeof *lane);
+    const uint32_t targets = vehicles_max < VERGE_CONTROLLED_MAX ? vehicles_max : VERGE_CONTROLLED_MAX;
+    vg_local* local = vg_local_take(arena, lane_count, vehicles_max, targets);
     if (pairs != NULL) {
-        *pairs = (vg_pairs){ vehicles_max, of, lane };
+        *pairs = (vg_pairs){ vehicles_max, of, lane, local };
     }
     return pairs;
 }
 
 static void relate(const vg_model* model, const vg_flow* flow, uint32_t seen, uint32_t observer)
 {
-    const verge_road* road = model->road;
+    const vg_local* local = model->pairs->local;
     const uint32_t from = (uint32_t)flow->lane[observer];
     const uint32_t to = (uint32_t)flow->lane[seen];
-    const vg_relation* relation = vg_road_relation(road, from, to);
-    const int32_t target = observer < model->controlled_count ? model->target[observer] : -1;
-    const bool visible = relation->kind != VG_UNRELATED && vg_road_matters(road, from, target, to);
+    const vg_relation* relation = vg_local_relation(local, from, to);
+    const bool visible = vg_local_matters(local, model->column[observer], from, to);
     model->pairs->of[observer * model->pairs->stride + seen] = (vg_pair){
         .offset = visible ? relation->offset : VG_FAR_AWAY,
         .lateral = relation->lateral,

@@ -4,11 +4,21 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 
+// Number of lane changes to the target lane. VG_WAY_CHANGES: it cannot be reached.
+VG_INLINE uint32_t changes_left(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const vg_way* ways = model->ways[slot];
+    return ways == NULL ? 0u : (uint32_t)(ways[flow->lane[slot]] & VG_WAY_CHANGES);
+}
+
 // Value of the vehicle's lane; 0 between lanes. [1] 0 .. 1
 static float lane_value(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
-    return vg_fabsf(flow->d[slot]) <= VG_REACHED_OFFSET ? model->lane_value[slot][flow->lane[slot]]
-                                                        : 0.0f;
+    const uint32_t changes = changes_left(model, flow, slot);
+    if (vg_fabsf(flow->d[slot]) > VG_REACHED_OFFSET || changes == VG_WAY_CHANGES) {
+        return 0.0f;
+    }
+    return changes == 0 ? 1.0f : (float)VG_VALUE_ONE_CHANGE / (float)changes;
 }
 
 // Speed relative to cruise_share times the speed limit. It falls again above the limit. [1] 0 .. 1
@@ -67,7 +77,7 @@ void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* 
 bool vg_flow_in_target(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
     const float d = flow->d[slot];
-    return ((model->target_lanes[slot] >> flow->lane[slot]) & 1u) != 0 && d <= VG_REACHED_OFFSET
+    return changes_left(model, flow, slot) == 0 && d <= VG_REACHED_OFFSET
            && d >= -VG_REACHED_OFFSET;
 }
 

@@ -144,17 +144,14 @@ static verge_lane_position locate(const verge_road* road, const verge_vehicle* v
     }
     uint32_t fewest =
         vg_road_changes(road, (uint32_t)vg_road_lane_index(road, at.lane_id), (uint32_t)target);
-    const bool never =
-        fewest == VG_NEVER && !verge_road_continues(road, v->target_lane, at.lane_id);
-    for (uint32_t lane = 0; never && lane < road->lane_count; ++lane) {
-        const uint32_t changes = vg_road_changes(road, lane, (uint32_t)target);
-        if (changes < fewest) {
-            const verge_lane_position other =
-                verge_road_project(road, v->x, v->y, v->heading, road->lanes[lane].id);
-            if (other.lane_id == road->lanes[lane].id && other.contained) {
-                at = other;
-                fewest = changes;
-            }
+    const bool never = fewest == VG_NEVER;
+    vg_nearby nearby = vg_road_nearby(road, v->x, v->y);
+    for (int32_t lane = vg_nearby_next(&nearby); never && lane >= 0; lane = vg_nearby_next(&nearby)) {
+        const uint32_t changes = vg_road_changes(road, (uint32_t)lane, (uint32_t)target);
+        const verge_lane_position other = vg_nearby_position(&nearby);
+        if (changes < fewest && other.contained) {
+            at = other;
+            fewest = changes;
         }
     }
     return at;

@@ -190,7 +190,7 @@ def cyclonedds_ls_sees_the_topics(rig):
             check(topic in out and "verge::" + kind in out, f"{topic} is not in\n{out}")
 
 
-def wrong_and_impossible_states_are_counted_and_cost_nobody_a_plan(rig):
+def wrong_and_impossible_states_are_counted_and_no_plan_is_missing(rig):
     with Daemon(rig, rig.config(bus=DDS)) as rsu:
         bus = DdsBus()
         good = two()
@@ -256,7 +256,7 @@ def a_vehicle_heard_on_both_buses_is_one_vehicle(rig):
     check(code == 0 and "same" in out, f"the recording replays: {code} {out} {error}")
 
 
-def a_second_sender_of_an_id_is_refused_and_told_on_both_buses(rig):
+def a_second_sender_of_an_id_is_refused_and_reported_on_both_buses(rig):
     with Daemon(rig, rig.config(bus=["lcm:" + URL, DDS])) as rsu:
         by_dds, by_lcm = DdsBus(), Bus()
         honest = two()
@@ -316,7 +316,7 @@ def sighup_adds_a_bus_and_takes_one_away(rig):
         check(rsu.stop()[1] == 0, "stops")
 
 
-def when_the_interface_comes_back_so_do_plans(rig):
+def plans_resume_when_the_interface_comes_back(rig):
     def ip(*args):
         subprocess.run(["ip", *args], check=True)
     with Daemon(rig, rig.config(bus=DDS)) as rsu:
@@ -417,11 +417,11 @@ def the_closed_loop_drives_by_its_plans(rig):
 CASES = [
     a_client_in_default_set_up_gets_a_plan_for_each_vehicle_each_cycle,
     cyclonedds_ls_sees_the_topics,
-    wrong_and_impossible_states_are_counted_and_cost_nobody_a_plan,
+    wrong_and_impossible_states_are_counted_and_no_plan_is_missing,
     a_vehicle_heard_on_both_buses_is_one_vehicle,
-    a_second_sender_of_an_id_is_refused_and_told_on_both_buses,
+    a_second_sender_of_an_id_is_refused_and_reported_on_both_buses,
     sighup_adds_a_bus_and_takes_one_away,
-    when_the_interface_comes_back_so_do_plans,
+    plans_resume_when_the_interface_comes_back,
     every_message_fits_one_frame,
     the_planning_thread_allocates_nothing,
     the_closed_loop_drives_by_its_plans,

@@ -113,7 +113,7 @@ def no_tick_is_silent_and_no_plan_means_braking(rig):
         check(set(last) == {1, 2, 3}, f"and stopping cancels it all: {last}")
 
 
-def a_planner_that_hangs_starves_the_watchdog(rig):
+def a_planner_that_hangs_stops_the_watchdog_signal(rig):
     manager = Manager(str(rig.folder / "watchdog"))
     env = {**os.environ, "NOTIFY_SOCKET": manager.name, "WATCHDOG_USEC": "2000000"}
     # A search that takes seconds is as good as one that never ends.
@@ -135,7 +135,7 @@ def a_planner_that_hangs_starves_the_watchdog(rig):
 CASES = [
     a_late_plan_is_bridged_by_the_rest_of_the_last_one,
     no_tick_is_silent_and_no_plan_means_braking,
-    a_planner_that_hangs_starves_the_watchdog,
+    a_planner_that_hangs_stops_the_watchdog_signal,
 ]
 
 

@@ -81,7 +81,7 @@ def as_json_every_field_is_what_was_sent(rig):
     check(compared >= 10, f"{compared} plans compared")
 
 
-def it_ends_by_itself_where_told(rig):
+def it_ends_at_its_count_or_at_the_end_of_a_log(rig):
     with Daemon(rig, rig.config()):
         echo = Echo(rig, "--plans", "--count", "7")
         bus, vehicles = Bus(), three_and_a_human()
@@ -123,7 +123,7 @@ def on_dds_it_takes_the_same_options_as_the_daemon(rig):
     check(code == 64 and "dds.interface" in error and error.count("\n") == 1, error)
 
 
-def whom_it_does_not_hear_and_why_is_told(rig):
+def refused_senders_are_reported_with_the_reason(rig):
     options = rig.folder / "bus.json"
     options.write_text('{"lcm": {"allow": ["10.9.9.9"]}}')
     words = Echo(rig, "--bus-options", options)
@@ -171,9 +171,9 @@ def verge_ctl_shows_vehicles_and_plans(rig):
 CASES = [
     what_is_on_the_bus_is_printed_and_summed_up,
     as_json_every_field_is_what_was_sent,
-    it_ends_by_itself_where_told,
+    it_ends_at_its_count_or_at_the_end_of_a_log,
     on_dds_it_takes_the_same_options_as_the_daemon,
-    whom_it_does_not_hear_and_why_is_told,
+    refused_senders_are_reported_with_the_reason,
     wrong_use_has_its_exit_codes,
     verge_ctl_shows_vehicles_and_plans,
 ]

@@ -300,7 +300,7 @@ def judge_status(bus):
     check(0 < status.cycle_us_last <= status.cycle_us_max, "cycle times")
 
 
-def a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_speaks(rig):
+def a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_sends(rig):
     log = rig.folder / "silent.lcmlog"
     with Daemon(rig, rig.config(), "--record", log) as rsu:
         bus = Bus()
@@ -324,7 +324,7 @@ def a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_speaks(rig):
     check(cycles <= 2, f"{cycles} cycles until it was planned again")
 
 
-def hostile_traffic_is_counted_and_costs_nobody_a_plan(rig):
+def hostile_traffic_is_counted_and_no_plan_is_missing(rig):
     rng = random.Random(1)
     with Daemon(rig, rig.config()) as rsu:
         bus = Bus()
@@ -449,7 +449,7 @@ def cycles_until_planned(log, number):
     return cycles
 
 
-def when_the_bus_comes_back_so_do_plans_within_two_cycles(rig):
+def plans_resume_within_two_cycles_when_the_bus_comes_back(rig):
     def ip(*args):
         subprocess.run(["ip", *args], check=True)
     log = rig.folder / "back.lcmlog"
@@ -550,12 +550,12 @@ CASES = [
     wrong_options_and_configurations_have_their_exit_codes,
     the_printed_configuration_is_the_configuration,
     one_plan_a_vehicle_a_cycle_and_it_replays_to_the_same_digests,
-    a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_speaks,
-    hostile_traffic_is_counted_and_costs_nobody_a_plan,
+    a_silent_vehicle_is_cancelled_once_and_planned_again_when_it_sends,
+    hostile_traffic_is_counted_and_no_plan_is_missing,
     sighup_swaps_a_good_configuration_and_keeps_the_old_one_on_error,
     sighup_may_name_another_bus,
     a_long_planning_step_does_not_delay_stopping,
-    when_the_bus_comes_back_so_do_plans_within_two_cycles,
+    plans_resume_within_two_cycles_when_the_bus_comes_back,
     a_recording_that_cannot_be_written_ends_and_planning_goes_on,
     the_closed_loop_drives_by_its_plans,
     a_thousand_cycles_allocate_nothing,

@@ -196,7 +196,7 @@ def the_socket_is_for_its_group_and_is_not_left_behind(rig):
     check(code == 71 and "control" in error and "folder" in error, error)
 
 
-def clients_that_misbehave_hold_up_nobody(rig):
+def clients_that_misbehave_delay_no_other_client(rig):
     path = rig.folder / "rsu.sock"
     with Daemon(rig, rig.config(control="rsu.sock", cycle_ms=20)) as rsu:
         check(b"unknown request" in talk(path, b"bogus\n"), "unknown")
@@ -363,7 +363,7 @@ CASES = [
     verge_ctl_says_what_is_wrong_by_its_exit_code,
     control_sequences_of_a_server_do_not_reach_the_terminal,
     the_socket_is_for_its_group_and_is_not_left_behind,
-    clients_that_misbehave_hold_up_nobody,
+    clients_that_misbehave_delay_no_other_client,
     figures_are_served_over_http_and_agree_with_the_status,
     the_metrics_file_is_whole_whenever_it_is_read,
     sigusr1_puts_the_statistics_into_the_log,

@@ -33,14 +33,14 @@ class Rig(daemon_rig.Rig):
                                 text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
-def without_a_roadside_unit_it_says_so_once(rig):
+def without_a_roadside_unit_one_line_says_so(rig):
     out, error = rig.publish("--duration", "7").communicate(timeout=60)
     check(error.count("\n") == 1 and f"no plan for 3 s on {URL}" in error and "expected" in error,
           f"told as {error!r}")
     check(out.startswith('{"scenario"'), "no plans to print")
 
 
-def it_says_when_plans_come_and_when_they_end(rig):
+def one_line_says_when_plans_begin_and_when_they_end(rig):
     publisher = rig.publish("--duration", "17")
     time.sleep(4.5)
     with Daemon(rig, rig.planning()) as rsu:
@@ -53,7 +53,7 @@ def it_says_when_plans_come_and_when_they_end(rig):
     check(out.count("cancelled") == 3, "and the cancelled plans are changes")
 
 
-def nobody_who_asks_for_nothing_is_kept_waiting(rig):
+def a_run_without_controlled_vehicles_gives_no_warning(rig):
     document = json.loads(SCENARIO.read_text())
     for vehicle in document["vehicles"]:
         vehicle["control"] = "human"
@@ -63,7 +63,7 @@ def nobody_who_asks_for_nothing_is_kept_waiting(rig):
     check(error == "", f"told as {error!r}")
 
 
-def it_prints_changes_or_every_plan_or_none(rig):
+def the_options_print_changes_or_every_plan_or_none(rig):
     counts = {}
     with Daemon(rig, rig.planning()):
         for option in ("--quiet", None, "--all"):
@@ -105,10 +105,10 @@ def a_run_replays_whatever_was_planned_before(rig):
     check(code == 1 and "is the first that differs" in out, f"another seed: {code} {out} {error}")
     code, out, error = replayed(rig, run)
     check(code == 1 and "--config" in error, f"other parameters: {code} {out} {error}")
-    return damaged_runs_are_told(rig, run, config)
+    return damaged_runs_are_refused_in_one_line(rig, run, config)
 
 
-def damaged_runs_are_told(rig, run, config):
+def damaged_runs_are_refused_in_one_line(rig, run, config):
     lines = run.read_text().splitlines(keepends=True)
     plans = [k for k, line in enumerate(lines) if '"cycle":' in line]
     short = rig.folder / "short.jsonl"
@@ -167,10 +167,10 @@ CASES = [
     a_run_with_the_parameters_of_its_scenario_needs_no_configuration,
     a_run_replays_where_cycles_were_late,
     a_run_on_dds_replays,
-    without_a_roadside_unit_it_says_so_once,
-    it_says_when_plans_come_and_when_they_end,
-    nobody_who_asks_for_nothing_is_kept_waiting,
-    it_prints_changes_or_every_plan_or_none,
+    without_a_roadside_unit_one_line_says_so,
+    one_line_says_when_plans_begin_and_when_they_end,
+    a_run_without_controlled_vehicles_gives_no_warning,
+    the_options_print_changes_or_every_plan_or_none,
 ]
 
 

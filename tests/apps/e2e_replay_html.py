@@ -316,7 +316,7 @@ def a_click_follows_and_wheel_and_drag_move_the_camera(browser):
     browser.value("verge.setCamera('auto')")
 
 
-def lights_light(browser):
+def lights_are_drawn(browser):
     browser.value("verge.setCamera('follow', 0)")
     red, amber = (0xFF, 0x15, 0x30), (0xFF, 0xAB, 0x00)
     wanted = {0.5: (False, False, False), 1.5: (True, False, False), 2.5: (False, True, False),
@@ -328,7 +328,7 @@ def lights_light(browser):
         assert [count > 8 for count in lit] == [brake, left, right], f"t {t}: {lit}"
 
 
-def it_fits(browser):
+def the_page_fits_small_windows(browser):
     """A phone, a tablet, a desk; nothing sticks out, the road and its controls are on screen."""
     for width, height in ((360, 740), (390, 844), (844, 390), (820, 1180), (1440, 900)):
         browser.size(width, height, touch=width < 900)
@@ -343,7 +343,7 @@ def it_fits(browser):
     browser.size(1280, 800)
 
 
-def it_darkens(browser):
+def the_page_has_a_dark_scheme(browser):
     ground = []
     for dark in (False, True):
         browser.dark(dark)
@@ -420,13 +420,13 @@ def in_the_browser(browser, run, page, short, folder):
     arrows_step_one_tick(browser)
     a_click_follows_and_wheel_and_drag_move_the_camera(browser)
     everything_has_a_name(browser)
-    it_fits(browser)
-    it_darkens(browser)
+    the_page_fits_small_windows(browser)
+    the_page_has_a_dark_scheme(browser)
     browser.open(page + "#t=7.5&follow=2")
     assert browser.value("verge.time") == 7.5 and browser.value("verge.camera.id") == 2
     browser.open(short)
     assert abs(browser.value("verge.end") - 3.9) < 1e-6
-    lights_light(browser)
+    lights_are_drawn(browser)
     names_are_text(browser, folder)
     leaving_and_coming_back(browser, folder)
     large_runs_replay(browser, folder)

@@ -29,7 +29,7 @@ def break_plan(plan, number, change):
     return broken
 
 
-def judge_the_judge(plan, scenario):
+def the_judge_finds_injected_faults(plan, scenario):
     """Each kind of fault is put into a good plan and has to be found."""
     assert list(judge.plan_faults(plan, scenario)) == [], "the plan to break is not good"
     one, other = (v["id"] for v in plan["vehicles"][:2])
@@ -63,7 +63,7 @@ def judge_the_judge(plan, scenario):
         assert touch == expected, f"two cars {x} m apart, turned by {k}: overlap {touch}"
 
 
-def judge_the_judge_of_runs(lines, scenario):
+def the_judge_of_runs_finds_injected_faults(lines, scenario):
     """A good run loses a plan's true beginning; two cars drive into each other."""
     broken = copy.deepcopy(lines)
     plan = [line["plan"] for line in broken if "plan" in line][3]
@@ -103,12 +103,12 @@ def main():
              if json.loads(p.read_text())["format"] == "verge-scenario/1"]
     assert len(paths) >= 8
     first = json.loads(paths[0].read_text())
-    judge_the_judge(judge.run(options.bin, "verge-plan", paths[0]), first)
+    the_judge_finds_injected_faults(judge.run(options.bin, "verge-plan", paths[0]), first)
     count = plans = 0
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "run.jsonl"
         judge.run(options.bin, "verge-sim", paths[0], "--out", out)
-        judge_the_judge_of_runs(judge.read_lines(out), first)
+        the_judge_of_runs_finds_injected_faults(judge.read_lines(out), first)
         for path in paths:
             scenario = json.loads(path.read_text())
             faults = []

@@ -182,7 +182,7 @@ def signed_vehicles_are_planned_and_all_others_are_not(rig):
         check(statuses[-1].vehicles_seen <= 2 and statuses[-1].rx_id_conflict == 0, "and unseen")
 
 
-def who_has_no_keys_is_planned_by_a_daemon_without_keys(rig):
+def a_vehicle_without_keys_is_planned_by_a_daemon_without_keys(rig):
     """Signed states on an open bus, and the daemon's log by another program: signatures do no harm."""
     signer, vehicle = Signer(1, os.urandom(32)), e2e_lcm.Vehicle(4, 40, 0)
     with Daemon(rig, rig.config(bus=URL, cycle_ms=100)) as rsu, Wire() as wire:
@@ -194,7 +194,7 @@ def who_has_no_keys_is_planned_by_a_daemon_without_keys(rig):
         check(rsu.stop()[1] == 0, "stops")
 
 
-def a_replaced_key_takes_force_with_sighup(rig):
+def a_replaced_key_takes_effect_with_sighup(rig):
     path = rig.folder / "one.key"
     old = Signer(1, write_key(path))
     config = rig.config(bus=URL, cycle_ms=100, lcm={"keys": [{"id": 1, "file": "one.key"}]})
@@ -272,7 +272,7 @@ def keys_that_cannot_work_are_refused_with_the_remedy(rig):
     check(json.loads(out)["lcm"]["keys"][0]["file"] == str(rig.folder / "good.key"), error)
 
 
-def buses_that_strangers_can_reach_are_warned_of(rig):
+def open_buses_give_a_warning(rig):
     """Where the kernel has no veth, what needs a second interface is left out."""
     two = subprocess.run("ip link add ours type veth peer name theirs && ip link set ours up && "
                          "ip link set theirs up && ip address add 10.9.0.1/24 dev ours", shell=True,
@@ -390,7 +390,7 @@ class Tap:
             hits += any(word in packet for word in words)
 
 
-def a_pair_with_certificates_works_and_nobody_can_read_it(rig):
+def two_participants_with_certificates_communicate_encrypted(rig):
     papers = certificates(rig, "ours")
     # A type's name, as discovery tells it, and every vehicle's length and width beside each other.
     # Not the topics' names: the permissions tell them, and papers are shown openly.
@@ -409,7 +409,7 @@ def a_pair_with_certificates_works_and_nobody_can_read_it(rig):
         check((hits > 0) == (options is None), f"{hits} of {count} packets can be read, {options}")
 
 
-def an_observer_hears_all_and_a_renewed_certificate_takes_force_with_sighup(rig):
+def an_observer_receives_all_and_a_renewed_certificate_takes_effect_with_sighup(rig):
     papers = certificates(rig, "ours", "rsu", "vehicle", "watch:observer")
 
     def check_heard(what):
@@ -438,7 +438,7 @@ def an_observer_hears_all_and_a_renewed_certificate_takes_force_with_sighup(rig)
         check(rsu.stop()[1] == 0, "stops")
 
 
-def strangers_hear_nothing_and_are_not_heard_and_the_log_says_why(rig):
+def other_participants_neither_receive_nor_send_and_the_log_says_why(rig):
     ours, foreign = certificates(rig, "ours"), certificates(rig, "foreign")
     # Rights of one's own making: a good certificate, permissions by an authority of one's own.
     rights = rig.folder / "rights"
@@ -471,7 +471,7 @@ def strangers_hear_nothing_and_are_not_heard_and_the_log_says_why(rig):
             check(rsu.stop()[1] == 0, "stops")
 
 
-def without_the_right_to_publish_nothing_starts_and_it_says_so(rig):
+def without_the_right_to_publish_the_daemon_does_not_start(rig):
     papers = certificates(rig, "ours", "rsu", "vehicle", "watch:observer")
     code, _, error = rig.run(rig.bin / "verge-publish", RAMP, "--bus", "dds:0", "--bus-options",
                              papers / "watch.options.json")
@@ -485,7 +485,7 @@ def without_the_right_to_publish_nothing_starts_and_it_says_so(rig):
             check(code == 78 and "does not grant" in error, f"{who}: {code}: {error!r}")
 
 
-def papers_that_cannot_work_are_refused_with_the_remedy(rig):
+def unusable_certificates_are_refused_with_the_remedy(rig):
     ours, foreign = certificates(rig, "ours"), certificates(rig, "foreign")
     shutil.copy(ours / "rsu.key.pem", ours / "open.key.pem")
     (ours / "open.key.pem").chmod(0o644)
@@ -515,7 +515,7 @@ def papers_that_cannot_work_are_refused_with_the_remedy(rig):
     check(code == 0 and error == "", f"the good ones: exit {code}: {error!r}")
 
 
-def papers_near_their_end_are_warned_of_and_work(rig):
+def certificates_near_their_expiry_give_a_warning_and_work(rig):
     papers = certificates(rig, "ends", "--days", "20", "rsu")
     config = secured(rig, papers)
     code, _, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--check-config")
@@ -537,7 +537,7 @@ def papers_near_their_end_are_warned_of_and_work(rig):
     check(error == "", f"renewed: {error!r}")
 
 
-def a_clear_bus_beside_a_secured_one_is_warned_of(rig):
+def an_open_bus_beside_a_secured_one_gives_a_warning(rig):
     papers = certificates(rig, "ours")
     write_key(rig.folder / "one.key")
     security = json.loads((papers / "rsu.options.json").read_text())["dds"]["security"]
@@ -567,20 +567,20 @@ def a_clear_bus_beside_a_secured_one_is_warned_of(rig):
 
 LCM_CASES = [
     signed_vehicles_are_planned_and_all_others_are_not,
-    who_has_no_keys_is_planned_by_a_daemon_without_keys,
-    a_replaced_key_takes_force_with_sighup,
+    a_vehicle_without_keys_is_planned_by_a_daemon_without_keys,
+    a_replaced_key_takes_effect_with_sighup,
     signing_and_checking_allocate_nothing,
     keys_that_cannot_work_are_refused_with_the_remedy,
-    buses_that_strangers_can_reach_are_warned_of,
+    open_buses_give_a_warning,
 ]
 DDS_CASES = [
-    a_pair_with_certificates_works_and_nobody_can_read_it,
-    an_observer_hears_all_and_a_renewed_certificate_takes_force_with_sighup,
-    strangers_hear_nothing_and_are_not_heard_and_the_log_says_why,
-    without_the_right_to_publish_nothing_starts_and_it_says_so,
-    papers_that_cannot_work_are_refused_with_the_remedy,
-    papers_near_their_end_are_warned_of_and_work,
-    a_clear_bus_beside_a_secured_one_is_warned_of,
+    two_participants_with_certificates_communicate_encrypted,
+    an_observer_receives_all_and_a_renewed_certificate_takes_effect_with_sighup,
+    other_participants_neither_receive_nor_send_and_the_log_says_why,
+    without_the_right_to_publish_the_daemon_does_not_start,
+    unusable_certificates_are_refused_with_the_remedy,
+    certificates_near_their_expiry_give_a_warning_and_work,
+    an_open_bus_beside_a_secured_one_gives_a_warning,
 ]
 
 

@@ -19,7 +19,7 @@ from daemon_rig import (QUICK, SOURCE, Daemon, Manager, case_arguments, check, r
 
 # ---- the service manager ------------------------------------------------------------------
 
-def the_manager_hears_of_start_reload_and_stop(rig):
+def the_manager_is_notified_of_start_reload_and_stop(rig):
     for name in (str(rig.folder / "notify"), b"\0verge-test-%d" % os.getpid()):
         manager = Manager(name)
         config = rig.config()
@@ -222,7 +222,7 @@ def what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do(rig):
         check(key in error and remedy in error and error.count("\n") == 1, error)
 
 
-def a_changed_floating_point_mode_is_corrected_and_told_once(rig):
+def a_changed_floating_point_mode_is_corrected_and_logged_once(rig):
     if rig.sanitized():
         return "not checked: the sanitizer wants no other library before it"
     library = shared_library(rig, "rounding")
@@ -284,7 +284,7 @@ def the_printed_configuration_prints_itself(rig):
 
 
 CASES = [
-    the_manager_hears_of_start_reload_and_stop,
+    the_manager_is_notified_of_start_reload_and_stop,
     the_status_text_is_sent_when_it_changes_and_not_each_second,
     completed_cycles_feed_the_watchdog,
     without_a_manager_it_works_as_well,
@@ -295,7 +295,7 @@ CASES = [
     memory_is_locked_within_the_stack_that_the_unit_allows,
     reloads_leave_no_memory_behind,
     what_the_system_refuses_ends_the_start_with_71_and_says_what_to_do,
-    a_changed_floating_point_mode_is_corrected_and_told_once,
+    a_changed_floating_point_mode_is_corrected_and_logged_once,
     what_the_daemon_cannot_serve_is_refused_by_name,
     the_printed_configuration_prints_itself,
 ]

@@ -35,7 +35,7 @@ def cycles_go_on(rig, count=20):
 
 # ---- files that are none ------------------------------------------------------------------
 
-def names_of_no_file(rig):
+def names_that_are_not_regular_files(rig):
     """A path of each kind that a program must not try to read to its end."""
     fifo, folder = rig.folder / "fifo", rig.folder / "folder"
     if not fifo.exists():
@@ -44,9 +44,9 @@ def names_of_no_file(rig):
     return [fifo, folder, "/dev/zero"]
 
 
-def a_file_that_is_none_is_refused_at_the_start_with_one_line(rig):
+def a_file_that_is_not_regular_is_refused_at_the_start_with_one_line(rig):
     good = rig.config("good.json")
-    for path in names_of_no_file(rig):
+    for path in names_that_are_not_regular_files(rig):
         commands = [["verge-rsu", "--config", path],
                     ["verge-rsu", "--config", rig.config("road.json", road=None,
                                                          road_file=str(path))],
@@ -59,10 +59,10 @@ def a_file_that_is_none_is_refused_at_the_start_with_one_line(rig):
             check(str(path) in error and error.count("\n") == 1, f"{name} {args}: {error!r}")
 
 
-def a_file_that_is_none_is_refused_at_a_reload_and_cycles_go_on(rig):
+def a_file_that_is_not_regular_is_refused_at_a_reload_and_cycles_continue(rig):
     config = rig.config(control="rsu.sock")
     with Daemon(rig, config) as rsu:
-        for count, path in enumerate(names_of_no_file(rig), start=1):
+        for count, path in enumerate(names_that_are_not_regular_files(rig), start=1):
             rig.config(control="rsu.sock", road=None, road_file=str(path))
             code, out, _ = ctl(rig, "reload")
             check(code == 1 and str(path) in out, out)
@@ -108,7 +108,7 @@ class Piped(Daemon):
         os.close(end)
 
 
-def a_log_that_nobody_reads_stops_nothing(rig):
+def an_unread_log_stops_nothing(rig):
     config = rig.config(control="rsu.sock", cycle_ms=20)
     with Piped(rig, config, "--log-level", "debug") as rsu:
         rsu.fill()
@@ -157,7 +157,7 @@ def shrink(reader):
     wait_for(done, "a smaller pipe")
 
 
-def a_recording_that_nobody_reads_stops_nothing(rig):
+def an_unread_recording_stops_nothing(rig):
     fifo = rig.folder / "record.fifo"
     os.mkfifo(fifo)
     config = rig.config(control="rsu.sock", cycle_ms=10, metrics={"file": "verge.prom"})
@@ -251,11 +251,11 @@ def stopping_does_not_wait_for_a_reload(rig):
 
 
 CASES = [
-    a_file_that_is_none_is_refused_at_the_start_with_one_line,
-    a_file_that_is_none_is_refused_at_a_reload_and_cycles_go_on,
-    a_log_that_nobody_reads_stops_nothing,
+    a_file_that_is_not_regular_is_refused_at_the_start_with_one_line,
+    a_file_that_is_not_regular_is_refused_at_a_reload_and_cycles_continue,
+    an_unread_log_stops_nothing,
     a_log_whose_reader_is_gone_stops_nothing,
-    a_recording_that_nobody_reads_stops_nothing,
+    an_unread_recording_stops_nothing,
     a_metrics_file_on_a_disk_that_hangs_stops_nothing,
     a_reload_of_a_large_road_misses_no_cycle,
     a_reload_asked_for_during_another_one_follows_it_once,

@@ -55,7 +55,7 @@ def bad_files(folder, run_text):
     return paths
 
 
-def no_run_is_refused(folder, bad):
+def files_that_are_not_runs_are_refused(folder, bad):
     for tool, end in (("plot.py", "png"), ("replay_html.py", "html")):
         out = folder / f"out.{end}"
         for path in bad:
@@ -94,7 +94,7 @@ def a_run_cut_off_is_shown_as_far_as_it_goes(folder, run_text):
             assert "cut off" in done.stderr and done.stderr.count("\n") == 1, done.stderr
 
 
-def help_and_version_are_told(folder):
+def help_and_version_are_printed(folder):
     del folder
     for tool in ("plot.py", "replay_html.py"):
         version = run(tool, "--version")
@@ -149,10 +149,10 @@ def main():
                         good], check=True, stdout=subprocess.DEVNULL)
         text = good.read_text()
         bad = bad_files(folder, text)
-        no_run_is_refused(folder, bad)
+        files_that_are_not_runs_are_refused(folder, bad)
         damaged_runs_are_refused_by_their_line(folder, text)
         a_run_cut_off_is_shown_as_far_as_it_goes(folder, text)
-        help_and_version_are_told(folder)
+        help_and_version_are_printed(folder)
         other_tools_refuse_what_they_cannot_use(folder, bad)
     print("the tools tell in one line what they cannot use")
     return 0

@@ -66,7 +66,7 @@ static void test_names_and_paths_are_read_and_paths_start_in_the_files_folder(vo
     bus_options_free(&options);
 }
 
-static void test_what_is_not_given_is_the_default(void** state)
+static void test_an_absent_field_has_its_default(void** state)
 {
     (void)state;
     bus_options options;
@@ -81,7 +81,7 @@ static void test_what_is_not_given_is_the_default(void** state)
     bus_options_free(&options);
 }
 
-static void test_mistakes_are_told_with_their_place(void** state)
+static void test_faults_are_reported_with_their_place(void** state)
 {
     (void)state;
     static const char* const wrong[][2] = {
@@ -117,7 +117,7 @@ static void test_mistakes_are_told_with_their_place(void** state)
     }
 }
 
-static void test_what_is_printed_is_the_same_again(void** state)
+static void test_options_that_are_printed_read_back_the_same(void** state)
 {
     (void)state;
     bus_options options, again, other;
@@ -187,9 +187,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_names_and_paths_are_read_and_paths_start_in_the_files_folder),
-        cmocka_unit_test(test_what_is_not_given_is_the_default),
-        cmocka_unit_test(test_mistakes_are_told_with_their_place),
-        cmocka_unit_test(test_what_is_printed_is_the_same_again),
+        cmocka_unit_test(test_an_absent_field_has_its_default),
+        cmocka_unit_test(test_faults_are_reported_with_their_place),
+        cmocka_unit_test(test_options_that_are_printed_read_back_the_same),
         cmocka_unit_test(test_a_replaced_key_file_is_another_configuration),
         cmocka_unit_test(test_a_file_of_options_holds_nothing_else),
     };

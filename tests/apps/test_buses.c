@@ -7,7 +7,7 @@
 
 static const int64_t HOUR = 3600 * INT64_C(1000000), DAY = 24 * 3600 * INT64_C(1000000);
 
-static void test_days_left_are_whole_ones(void** state)
+static void test_days_left_are_whole_days(void** state)
 {
     (void)state;
     const int64_t end = 20000 * DAY;
@@ -18,7 +18,7 @@ static void test_days_left_are_whole_ones(void** state)
     assert_int_equal(buses_days_left(end, end + 2 * DAY), -2);
 }
 
-static void test_the_end_is_told_once_a_day_and_beyond_it(void** state)
+static void test_an_expiry_date_is_reported_once_a_day_and_after_it(void** state)
 {
     (void)state;
     const int64_t end = 20000 * DAY;
@@ -42,7 +42,7 @@ static void test_a_clock_set_back_does_not_silence_it(void** state)
     assert_false(buses_expiring(&self, end - 5 * DAY + HOUR));
 }
 
-static void test_what_has_no_end_is_not_told(void** state)
+static void test_a_certificate_without_an_expiry_date_is_not_reported(void** state)
 {
     (void)state;
     buses self = { .expiry = 0 };
@@ -52,10 +52,10 @@ static void test_what_has_no_end_is_not_told(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_days_left_are_whole_ones),
-        cmocka_unit_test(test_the_end_is_told_once_a_day_and_beyond_it),
+        cmocka_unit_test(test_days_left_are_whole_days),
+        cmocka_unit_test(test_an_expiry_date_is_reported_once_a_day_and_after_it),
         cmocka_unit_test(test_a_clock_set_back_does_not_silence_it),
-        cmocka_unit_test(test_what_has_no_end_is_not_told),
+        cmocka_unit_test(test_a_certificate_without_an_expiry_date_is_not_reported),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -315,7 +315,7 @@ static void test_a_plan_lives_up_to_the_freshness_limit_and_not_beyond(void** st
     unit_end(self);
 }
 
-static void test_who_asks_no_more_is_cancelled(void** state)
+static void test_a_vehicle_that_is_no_longer_controlled_is_cancelled(void** state)
 {
     (void)state;
     unit* self = unit_start();
@@ -353,7 +353,7 @@ static void test_stopping_cancels_every_plan_in_force_and_no_other(void** state)
 
 // ---- capacity -------------------------------------------------------------------------------
 
-static void test_who_has_a_plan_keeps_it_when_too_many_ask(void** state)
+static void test_planned_vehicles_stay_planned_when_there_are_too_many(void** state)
 {
     (void)state;
     unit* self = unit_start();
@@ -435,7 +435,7 @@ static void drive_with_bad_messages(test_rng* rng)
     unit_end(troubled);
 }
 
-static void test_bad_messages_change_nothing_for_anyone(void** state)
+static void test_bad_messages_change_no_plan(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("isolation");
@@ -633,7 +633,7 @@ static unit* unit_late(verge_vehicle_plan_t planned[TOLD])
     return self;
 }
 
-static void test_an_overrun_sends_what_is_left_of_each_plan_point_for_point(void** state)
+static void test_an_overrun_sends_the_remaining_points_of_each_plan_unchanged(void** state)
 {
     (void)state;
     static const struct { double t; int32_t dropped; } CASES[] = {
@@ -742,7 +742,7 @@ static void test_a_newcomer_brakes_and_a_silent_vehicle_is_left_to_its_cancellat
     unit_end(self);
 }
 
-static void test_who_is_across_its_lane_turns_along_it_while_it_brakes(void** state)
+static void test_a_vehicle_across_its_lane_turns_along_it_while_it_brakes(void** state)
 {
     (void)state;
     unit* self = unit_start();
@@ -845,17 +845,17 @@ int main(void)
         cmocka_unit_test(test_after_a_step_back_of_the_clock_planning_starts_afresh),
         cmocka_unit_test(test_a_vehicle_that_falls_silent_is_cancelled_once),
         cmocka_unit_test(test_a_plan_lives_up_to_the_freshness_limit_and_not_beyond),
-        cmocka_unit_test(test_who_asks_no_more_is_cancelled),
+        cmocka_unit_test(test_a_vehicle_that_is_no_longer_controlled_is_cancelled),
         cmocka_unit_test(test_stopping_cancels_every_plan_in_force_and_no_other),
-        cmocka_unit_test(test_who_has_a_plan_keeps_it_when_too_many_ask),
-        cmocka_unit_test(test_bad_messages_change_nothing_for_anyone),
+        cmocka_unit_test(test_planned_vehicles_stay_planned_when_there_are_too_many),
+        cmocka_unit_test(test_bad_messages_change_no_plan),
         cmocka_unit_test(test_a_vehicle_that_leaves_the_map_is_used_once_more_and_strangers_never),
         cmocka_unit_test(test_each_refusal_is_counted_by_its_name),
         cmocka_unit_test(test_states_go_in_and_plans_come_out_over_a_bus),
-        cmocka_unit_test(test_an_overrun_sends_what_is_left_of_each_plan_point_for_point),
+        cmocka_unit_test(test_an_overrun_sends_the_remaining_points_of_each_plan_unchanged),
         cmocka_unit_test(test_where_no_plan_is_left_an_overrun_brakes_from_the_newest_state),
         cmocka_unit_test(test_a_newcomer_brakes_and_a_silent_vehicle_is_left_to_its_cancellation),
-        cmocka_unit_test(test_who_is_across_its_lane_turns_along_it_while_it_brakes),
+        cmocka_unit_test(test_a_vehicle_across_its_lane_turns_along_it_while_it_brakes),
         cmocka_unit_test(test_a_late_plan_begins_with_its_first_point_that_is_not_over),
         cmocka_unit_test(test_overruns_do_not_change_a_plan),
         cmocka_unit_test(test_the_ring_of_cycle_times_gives_the_nearest_rank),

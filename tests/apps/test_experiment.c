@@ -68,7 +68,7 @@ static void test_acceleration_ends_at_the_limit_and_braking_at_standstill(void**
     CHECK_NEAR(at.y, 1.8, 1e-12);
 }
 
-static void test_what_meets_an_obstacle_or_leaves_the_road_is_refused(void** state)
+static void test_a_candidate_that_meets_an_obstacle_or_leaves_the_road_is_refused(void** state)
 {
     (void)state;
     sequential_problem  problem = open_road();
@@ -88,7 +88,7 @@ static void test_what_meets_an_obstacle_or_leaves_the_road_is_refused(void** sta
     assert_true(sequential_refused(&problem, &here, 0, keep));
 }
 
-static void test_alone_it_changes_lane_at_once_and_earns_what_the_parts_say(void** state)
+static void test_alone_a_vehicle_changes_lane_at_once_with_the_computed_reward(void** state)
 {
     (void)state;
     sequential_problem problem = open_road();
@@ -105,7 +105,7 @@ static void test_alone_it_changes_lane_at_once_and_earns_what_the_parts_say(void
     CHECK_AT_MOST(plan.nodes, problem.iterations + 1);
 }
 
-static void test_with_no_way_out_it_brakes_and_says_so(void** state)
+static void test_without_an_acceptable_candidate_a_vehicle_brakes_and_reports_it(void** state)
 {
     (void)state;
     sequential_problem  problem = open_road();
@@ -140,7 +140,7 @@ static double exhaustive(const sequential_problem* problem, const sequential_sta
     return best;
 }
 
-static void test_its_plans_obey_the_rules_and_come_near_the_best(void** state)
+static void test_search_results_obey_the_rules_and_are_near_the_optimum(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("sequential");
@@ -256,7 +256,7 @@ static void test_a_decided_step_starts_and_ends_in_its_states(void** state)
 
 // ---------------------------------------------------------------------------- bound, traffic
 
-static void test_who_is_where_it_wants_to_be_at_the_limit_can_earn_everything(void** state)
+static void test_a_vehicle_in_its_target_lane_at_the_limit_can_reach_reward_one(void** state)
 {
     (void)state;
     static const char text[] =
@@ -271,7 +271,7 @@ static void test_who_is_where_it_wants_to_be_at_the_limit_can_earn_everything(vo
     close_stage(&self);
 }
 
-static void test_no_search_earns_more_than_the_bound(void** state)
+static void test_no_search_reaches_a_reward_above_the_bound(void** state)
 {
     (void)state;
     verge_plan* plan = calloc(1, sizeof *plan);
@@ -424,14 +424,14 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_nine_actions_are_three_accelerations_times_three_lateral_speeds),
         cmocka_unit_test(test_acceleration_ends_at_the_limit_and_braking_at_standstill),
-        cmocka_unit_test(test_what_meets_an_obstacle_or_leaves_the_road_is_refused),
-        cmocka_unit_test(test_alone_it_changes_lane_at_once_and_earns_what_the_parts_say),
-        cmocka_unit_test(test_with_no_way_out_it_brakes_and_says_so),
-        cmocka_unit_test(test_its_plans_obey_the_rules_and_come_near_the_best),
+        cmocka_unit_test(test_a_candidate_that_meets_an_obstacle_or_leaves_the_road_is_refused),
+        cmocka_unit_test(test_alone_a_vehicle_changes_lane_at_once_with_the_computed_reward),
+        cmocka_unit_test(test_without_an_acceptable_candidate_a_vehicle_brakes_and_reports_it),
+        cmocka_unit_test(test_search_results_obey_the_rules_and_are_near_the_optimum),
         cmocka_unit_test(test_the_farthest_vehicle_decides_first),
         cmocka_unit_test(test_a_decided_step_starts_and_ends_in_its_states),
-        cmocka_unit_test(test_who_is_where_it_wants_to_be_at_the_limit_can_earn_everything),
-        cmocka_unit_test(test_no_search_earns_more_than_the_bound),
+        cmocka_unit_test(test_a_vehicle_in_its_target_lane_at_the_limit_can_reach_reward_one),
+        cmocka_unit_test(test_no_search_reaches_a_reward_above_the_bound),
         cmocka_unit_test(test_traffic_is_as_ordered_and_the_same_for_the_same_seed),
         cmocka_unit_test(test_trials_side_by_side_give_what_they_give_alone),
         cmocka_unit_test(test_a_refused_document_is_an_outcome_with_a_line),

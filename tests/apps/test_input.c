@@ -25,7 +25,7 @@ static const char* path_of(const char* name)
     return path;
 }
 
-static void test_what_is_no_regular_file_is_refused_with_what_it_is(void** state)
+static void test_a_file_that_is_not_regular_is_refused_with_its_kind(void** state)
 {
     (void)state;
     static const struct { const char *name, *reason; } CASES[] = {
@@ -99,7 +99,7 @@ static int remove_places(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_what_is_no_regular_file_is_refused_with_what_it_is),
+        cmocka_unit_test(test_a_file_that_is_not_regular_is_refused_with_its_kind),
         cmocka_unit_test(test_a_file_above_the_limit_is_refused),
         cmocka_unit_test(test_a_regular_file_is_read),
     };

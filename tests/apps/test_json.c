@@ -43,7 +43,7 @@ static void check_refused(const wrong_text* cases, size_t count)
 
 #define VALUE "a value: a number, a string, true, false, null, an object or an array"
 
-static void test_what_separates_values_is_named(void** state)
+static void test_the_character_that_separates_values_is_named(void** state)
 {
     (void)state;
     const wrong_text cases[] = {
@@ -70,7 +70,7 @@ static void test_what_separates_values_is_named(void** state)
     REFUSED(cases);
 }
 
-static void test_a_text_that_ends_too_early_names_what_is_open(void** state)
+static void test_a_text_that_ends_too_early_names_the_open_bracket(void** state)
 {
     (void)state;
     const wrong_text cases[] = {
@@ -90,7 +90,7 @@ static void test_a_text_that_ends_too_early_names_what_is_open(void** state)
     REFUSED(cases);
 }
 
-static void test_words_of_other_languages_are_shown(void** state)
+static void test_text_in_other_languages_is_shown(void** state)
 {
     (void)state;
     const wrong_text cases[] = {
@@ -269,7 +269,7 @@ static void check_form(const char* error, const char* text)
     }
 }
 
-static void test_any_slip_in_a_file_is_told_in_one_line(void** state)
+static void test_every_fault_in_a_file_is_reported_in_one_line(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("json");
@@ -334,15 +334,15 @@ static void test_a_path_starts_in_the_folder_of_its_file(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_what_separates_values_is_named),
-        cmocka_unit_test(test_a_text_that_ends_too_early_names_what_is_open),
-        cmocka_unit_test(test_words_of_other_languages_are_shown),
+        cmocka_unit_test(test_the_character_that_separates_values_is_named),
+        cmocka_unit_test(test_a_text_that_ends_too_early_names_the_open_bracket),
+        cmocka_unit_test(test_text_in_other_languages_is_shown),
         cmocka_unit_test(test_a_byte_that_is_no_text_names_its_line),
         cmocka_unit_test(test_valid_json_is_read),
         cmocka_unit_test(test_depth_is_bounded),
         cmocka_unit_test(test_a_wrong_value_names_its_field_and_what_was_expected),
         cmocka_unit_test(test_a_key_given_twice_and_a_number_too_large_are_refused),
-        cmocka_unit_test(test_any_slip_in_a_file_is_told_in_one_line),
+        cmocka_unit_test(test_every_fault_in_a_file_is_reported_in_one_line),
         cmocka_unit_test(test_a_file_that_cannot_be_read_says_why),
         cmocka_unit_test(test_a_path_starts_in_the_folder_of_its_file),
     };

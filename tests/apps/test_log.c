@@ -165,7 +165,7 @@ static void test_many_causes_at_once_do_not_flood_the_log(void** state)
     assert_true(lines >= LOG_BURST && lines < 50); // more than a burst where a second has passed
 }
 
-static void test_what_was_held_back_is_told_with_the_next_line(void** state)
+static void test_suppressed_lines_are_counted_in_the_next_line(void** state)
 {
     (void)state;
     log_setup(LOG_TEXT);
@@ -235,7 +235,7 @@ static void check_piped(const char* text, uint64_t put, uint64_t dropped)
     assert_int_equal(told, dropped);
 }
 
-static void test_a_pipe_that_nobody_reads_costs_counted_lines_and_no_time(void** state)
+static void test_an_unread_pipe_loses_counted_lines_and_blocks_nothing(void** state)
 {
     (void)state;
     static char text[PIPED_MAX];
@@ -268,7 +268,7 @@ static void test_a_pipe_that_nobody_reads_costs_counted_lines_and_no_time(void**
     close(ends[1]);
 }
 
-static void test_stopping_gives_up_on_a_pipe_that_nobody_reads(void** state)
+static void test_stopping_does_not_wait_for_an_unread_pipe(void** state)
 {
     (void)state;
     int ends[2];
@@ -292,7 +292,7 @@ static void test_stopping_gives_up_on_a_pipe_that_nobody_reads(void** state)
     close(ends[0]);
 }
 
-static void test_the_journal_is_told_by_device_and_inode(void** state)
+static void test_the_journal_is_recognised_by_device_and_inode(void** state)
 {
     (void)state;
     struct stat facts;
@@ -340,13 +340,13 @@ int main(void)
         cmocka_unit_test(test_a_flood_is_held_back_and_counted),
         cmocka_unit_test(test_an_event_that_goes_on_is_logged_once_a_cause_in_ten_seconds),
         cmocka_unit_test(test_many_causes_at_once_do_not_flood_the_log),
-        cmocka_unit_test(test_what_was_held_back_is_told_with_the_next_line),
+        cmocka_unit_test(test_suppressed_lines_are_counted_in_the_next_line),
         cmocka_unit_test(test_a_line_is_pairs_or_an_object_of_the_same),
         cmocka_unit_test(test_only_what_json_spells_as_a_number_is_one),
         cmocka_unit_test(test_any_words_stay_on_one_line_that_parses),
-        cmocka_unit_test(test_the_journal_is_told_by_device_and_inode),
-        cmocka_unit_test(test_a_pipe_that_nobody_reads_costs_counted_lines_and_no_time),
-        cmocka_unit_test(test_stopping_gives_up_on_a_pipe_that_nobody_reads),
+        cmocka_unit_test(test_the_journal_is_recognised_by_device_and_inode),
+        cmocka_unit_test(test_an_unread_pipe_loses_counted_lines_and_blocks_nothing),
+        cmocka_unit_test(test_stopping_does_not_wait_for_an_unread_pipe),
     };
     return cmocka_run_group_tests(tests, open_catcher, close_catcher);
 }

@@ -62,7 +62,7 @@ static void tick(stage* self)
     ++self->world.tick;
 }
 
-static void test_finish_and_reached_times_are_first_instants(void** state)
+static void test_finish_and_reached_times_are_the_first_instants(void** state)
 {
     (void)state;
     stage self;
@@ -123,7 +123,7 @@ static void open_content(stage* self)
     assert_true(metrics_success(&self->metrics));
 }
 
-static void test_success_wants_controlled_vehicles_on_the_road_at_the_end(void** state)
+static void test_success_requires_controlled_vehicles_on_the_road_at_the_end(void** state)
 {
     (void)state;
     stage self;
@@ -144,7 +144,7 @@ static void test_success_wants_controlled_vehicles_on_the_road_at_the_end(void**
     close_stage(&self);
 }
 
-static void test_success_wants_nobody_standing_without_a_cause_at_the_end(void** state)
+static void test_success_requires_that_no_vehicle_stands_without_a_cause_at_the_end(void** state)
 {
     (void)state;
     const struct { double x, speed, other_x, other_y; bool success; const char* text; } cases[] = {
@@ -221,7 +221,7 @@ static void test_the_gap_is_measured_across_the_road_however_a_body_is_turned(vo
     close_stage(&self);
 }
 
-static void test_nobody_collides_who_is_slower_beside_or_behind(void** state)
+static void test_slower_vehicles_beside_or_behind_have_no_time_to_collision(void** state)
 {
     (void)state;
     stage self;
@@ -295,14 +295,14 @@ static void test_a_percentile_is_the_smallest_value_enough_others_do_not_exceed(
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_finish_and_reached_times_are_first_instants),
+        cmocka_unit_test(test_finish_and_reached_times_are_the_first_instants),
         cmocka_unit_test(
             test_a_contact_counts_once_and_ends_success_only_with_a_controlled_vehicle),
-        cmocka_unit_test(test_success_wants_controlled_vehicles_on_the_road_at_the_end),
-        cmocka_unit_test(test_success_wants_nobody_standing_without_a_cause_at_the_end),
+        cmocka_unit_test(test_success_requires_controlled_vehicles_on_the_road_at_the_end),
+        cmocka_unit_test(test_success_requires_that_no_vehicle_stands_without_a_cause_at_the_end),
         cmocka_unit_test(test_time_to_collision_is_gap_over_closing_speed_in_any_direction),
         cmocka_unit_test(test_the_gap_is_measured_across_the_road_however_a_body_is_turned),
-        cmocka_unit_test(test_nobody_collides_who_is_slower_beside_or_behind),
+        cmocka_unit_test(test_slower_vehicles_beside_or_behind_have_no_time_to_collision),
         cmocka_unit_test(test_extremes_are_those_of_controlled_vehicles),
         cmocka_unit_test(test_a_percentile_is_the_smallest_value_enough_others_do_not_exceed),
     };

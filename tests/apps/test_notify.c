@@ -32,7 +32,7 @@ static int manager_at(const char* path)
     return fd;
 }
 
-static void test_the_manager_hears_lines_at_a_path_or_an_abstract_name(void** state)
+static void test_the_manager_receives_lines_at_a_path_or_an_abstract_name(void** state)
 {
     (void)state;
     char abstract[64];
@@ -70,7 +70,7 @@ static void test_the_manager_hears_lines_at_a_path_or_an_abstract_name(void** st
     remove(path_of("notify"));
 }
 
-static void test_the_watchdog_is_ours_where_it_says_so(void** state)
+static void test_the_watchdog_is_used_unless_it_names_another_process(void** state)
 {
     (void)state;
     unsetenv("NOTIFY_SOCKET");
@@ -95,7 +95,7 @@ static void test_the_watchdog_is_ours_where_it_says_so(void** state)
     assert_true(notify_open(&self) && self.watchdog_us == 7);
 }
 
-static void test_a_name_that_is_unusable_is_told_and_then_ignored(void** state)
+static void test_an_unusable_name_is_reported_and_then_ignored(void** state)
 {
     (void)state;
     static char longest[200];
@@ -116,7 +116,7 @@ static void test_a_name_that_is_unusable_is_told_and_then_ignored(void** state)
     }
 }
 
-static void test_a_manager_that_does_not_read_holds_up_nobody(void** state)
+static void test_a_manager_that_does_not_read_blocks_nothing(void** state)
 {
     (void)state;
     const int fd = manager_at(path_of("deaf"));
@@ -166,10 +166,10 @@ static int remove_folder(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_manager_hears_lines_at_a_path_or_an_abstract_name),
-        cmocka_unit_test(test_the_watchdog_is_ours_where_it_says_so),
-        cmocka_unit_test(test_a_name_that_is_unusable_is_told_and_then_ignored),
-        cmocka_unit_test(test_a_manager_that_does_not_read_holds_up_nobody),
+        cmocka_unit_test(test_the_manager_receives_lines_at_a_path_or_an_abstract_name),
+        cmocka_unit_test(test_the_watchdog_is_used_unless_it_names_another_process),
+        cmocka_unit_test(test_an_unusable_name_is_reported_and_then_ignored),
+        cmocka_unit_test(test_a_manager_that_does_not_read_blocks_nothing),
         cmocka_unit_test(test_a_status_that_is_too_long_is_cut),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);

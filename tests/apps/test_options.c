@@ -138,7 +138,7 @@ static void test_a_wrong_command_line_is_one_line_and_its_status(void** state)
     }
 }
 
-static void test_help_and_version_end_well_wherever_they_stand(void** state)
+static void test_help_and_version_exit_with_zero_at_any_position(void** state)
 {
     (void)state;
     const result help = PARSE("FILE", "--quiet", "--help");
@@ -193,7 +193,7 @@ int main(void)
         cmocka_unit_test(test_a_value_may_be_anything),
         cmocka_unit_test(test_after_two_dashes_everything_is_the_argument),
         cmocka_unit_test(test_a_wrong_command_line_is_one_line_and_its_status),
-        cmocka_unit_test(test_help_and_version_end_well_wherever_they_stand),
+        cmocka_unit_test(test_help_and_version_exit_with_zero_at_any_position),
         cmocka_unit_test(test_a_number_is_digits_alone_and_fits),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -77,7 +77,7 @@ static size_t record_of(int i, char record[RECORD_MAX + 1])
                             "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyz");
 }
 
-static void test_records_come_out_whole_and_in_order(void** state)
+static void test_records_are_written_complete_and_in_order(void** state)
 {
     (void)state;
     outlet* self = open_outlet(true);
@@ -119,7 +119,7 @@ static void test_putting_drops_and_counts_while_the_writer_waits(void** state)
     assert_memory_equal(water.written + put * 10, "again", 5);
 }
 
-static void test_what_the_writer_loses_is_counted(void** state)
+static void test_events_that_the_writer_loses_are_counted(void** state)
 {
     (void)state;
     outlet* self = open_outlet(true);
@@ -135,7 +135,7 @@ static void test_what_the_writer_loses_is_counted(void** state)
     assert_int_equal(water.size, 4);
 }
 
-static void test_closing_writes_what_waits_or_gives_up_in_time(void** state)
+static void test_closing_writes_waiting_records_or_ends_at_its_time_limit(void** state)
 {
     (void)state;
     outlet* self = open_outlet(false);
@@ -162,10 +162,10 @@ static void test_closing_writes_what_waits_or_gives_up_in_time(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_records_come_out_whole_and_in_order),
+        cmocka_unit_test(test_records_are_written_complete_and_in_order),
         cmocka_unit_test(test_putting_drops_and_counts_while_the_writer_waits),
-        cmocka_unit_test(test_what_the_writer_loses_is_counted),
-        cmocka_unit_test(test_closing_writes_what_waits_or_gives_up_in_time),
+        cmocka_unit_test(test_events_that_the_writer_loses_are_counted),
+        cmocka_unit_test(test_closing_writes_waiting_records_or_ends_at_its_time_limit),
     };
     pthread_mutex_init(&water.lock, NULL);
     pthread_cond_init(&water.turned, NULL);

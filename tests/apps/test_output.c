@@ -55,7 +55,7 @@ static void test_a_file_without_a_name_is_refused_before_the_work(void** state)
     output_abandon(&out); // nothing is open: harmless
 }
 
-static void test_what_is_abandoned_leaves_the_old_file_and_nothing_else(void** state)
+static void test_an_abandoned_output_leaves_only_the_old_file(void** state)
 {
     (void)state;
     output out;
@@ -112,7 +112,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(
             test_a_file_without_a_name_is_refused_before_the_work, set_up, tear_down),
         cmocka_unit_test_setup_teardown(
-            test_what_is_abandoned_leaves_the_old_file_and_nothing_else, set_up, tear_down),
+            test_an_abandoned_output_leaves_only_the_old_file, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_device_is_written_and_stays_one, set_up, tear_down),
         cmocka_unit_test_setup_teardown(test_a_signal_takes_the_partial_file_away, set_up,
                                         tear_down),

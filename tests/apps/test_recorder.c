@@ -167,7 +167,7 @@ static void test_a_fifo_without_a_reader_loses_counted_events_until_one_comes(vo
     close(reader);
 }
 
-static void test_closing_gives_up_on_a_reader_that_stops(void** state)
+static void test_closing_does_not_wait_for_a_reader_that_stops(void** state)
 {
     (void)state;
     const int   reader = open(fifo, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
@@ -200,7 +200,7 @@ static void test_a_full_disk_ends_the_recording(void** state)
     assert_true(recorder_close(NULL, 0));
 }
 
-static void test_no_place_to_record_to_is_told_with_the_path(void** state)
+static void test_a_recording_that_cannot_be_opened_is_reported_with_its_path(void** state)
 {
     (void)state;
     char error[256] = "";
@@ -242,8 +242,8 @@ int main(void)
         cmocka_unit_test(test_a_reader_that_stops_costs_counted_events_and_no_time),
         cmocka_unit_test(test_a_fifo_without_a_reader_loses_counted_events_until_one_comes),
         cmocka_unit_test(test_a_full_disk_ends_the_recording),
-        cmocka_unit_test(test_no_place_to_record_to_is_told_with_the_path),
-        cmocka_unit_test(test_closing_gives_up_on_a_reader_that_stops),
+        cmocka_unit_test(test_a_recording_that_cannot_be_opened_is_reported_with_its_path),
+        cmocka_unit_test(test_closing_does_not_wait_for_a_reader_that_stops),
     };
     return cmocka_run_group_tests(tests, make_places, remove_places);
 }

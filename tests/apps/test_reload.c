@@ -131,7 +131,7 @@ static void test_a_good_configuration_takes_effect_when_it_is_installed(void** s
     close_both(&now, &self);
 }
 
-static void test_a_wrong_one_is_refused_with_the_reason_and_changes_nothing(void** state)
+static void test_a_wrong_configuration_is_refused_with_the_reason_and_changes_nothing(void** state)
 {
     (void)state;
     static setup now;
@@ -168,7 +168,7 @@ static void test_a_wrong_one_is_refused_with_the_reason_and_changes_nothing(void
     close_both(&now, &self);
 }
 
-static void test_what_is_asked_for_meanwhile_happens_once_after_it(void** state)
+static void test_reloads_requested_during_a_reload_run_once_after_it(void** state)
 {
     (void)state;
     static setup now;
@@ -228,7 +228,7 @@ static double processor_s(clockid_t clock)
     return (double)used.tv_sec + (double)used.tv_nsec * 1e-9;
 }
 
-static void test_the_caller_has_no_part_in_the_work(void** state)
+static void test_a_reload_uses_no_processor_time_of_the_caller(void** state)
 {
     (void)state;
     static setup now;
@@ -248,7 +248,7 @@ static void test_the_caller_has_no_part_in_the_work(void** state)
     close_both(&now, &self);
 }
 
-static void test_closing_ends_what_is_under_way_or_waits(void** state)
+static void test_closing_ends_running_and_waiting_jobs(void** state)
 {
     (void)state;
     static setup now;
@@ -284,11 +284,11 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_good_configuration_takes_effect_when_it_is_installed),
-        cmocka_unit_test(test_a_wrong_one_is_refused_with_the_reason_and_changes_nothing),
-        cmocka_unit_test(test_what_is_asked_for_meanwhile_happens_once_after_it),
+        cmocka_unit_test(test_a_wrong_configuration_is_refused_with_the_reason_and_changes_nothing),
+        cmocka_unit_test(test_reloads_requested_during_a_reload_run_once_after_it),
         cmocka_unit_test(test_other_buses_go_on_counting),
-        cmocka_unit_test(test_the_caller_has_no_part_in_the_work),
-        cmocka_unit_test(test_closing_ends_what_is_under_way_or_waits),
+        cmocka_unit_test(test_a_reload_uses_no_processor_time_of_the_caller),
+        cmocka_unit_test(test_closing_ends_running_and_waiting_jobs),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -319,7 +319,7 @@ static void test_a_missing_file_is_named(void** state)
     assert_non_null(strstr(scene.file.error, "/nonexistent/a.json:file: "));
 }
 
-static void test_damaged_documents_never_get_past_the_line(void** state)
+static void test_every_damaged_document_is_refused_in_one_line(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("damage");
@@ -480,7 +480,7 @@ int main(void)
         cmocka_unit_test(test_vehicles_must_fit_the_road_and_each_other),
         cmocka_unit_test(test_a_vehicle_that_enters_later_may_start_where_another_one_is),
         cmocka_unit_test(test_a_missing_file_is_named),
-        cmocka_unit_test(test_damaged_documents_never_get_past_the_line),
+        cmocka_unit_test(test_every_damaged_document_is_refused_in_one_line),
         cmocka_unit_test(test_a_written_scenario_reads_back_the_same),
         cmocka_unit_test(test_numbers_read_back_bit_for_bit),
         cmocka_unit_test(test_a_track_is_exact_at_its_rows_and_ends_with_them),

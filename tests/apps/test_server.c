@@ -98,7 +98,7 @@ static const char* answer_of(server* self, int fd, int64_t now)
     return NULL;
 }
 
-static void test_who_asks_is_answered_in_however_many_pieces(void** state)
+static void test_a_request_is_answered_however_it_is_split(void** state)
 {
     (void)state;
     int asked = 0;
@@ -124,7 +124,7 @@ static void test_who_asks_is_answered_in_however_many_pieces(void** state)
     assert_int_equal(access(path_of("a.sock"), F_OK), -1);
 }
 
-static void test_nonsense_is_told_so_and_silence_runs_out_of_patience(void** state)
+static void test_unknown_requests_get_an_error_and_silent_clients_a_time_limit(void** state)
 {
     (void)state;
     int asked = 0;
@@ -181,7 +181,7 @@ static void test_more_clients_than_places_wait_their_turn(void** state)
     server_close(NULL);
 }
 
-static void test_a_socket_that_is_in_use_or_is_none_is_left_alone(void** state)
+static void test_a_socket_in_use_and_a_file_of_another_kind_are_not_replaced(void** state)
 {
     (void)state;
     int asked = 0;
@@ -248,7 +248,7 @@ static void test_a_port_that_is_taken_is_refused(void** state)
 
 // ---- files, the manager -------------------------------------------------------------------
 
-static void test_a_file_is_replaced_whole_or_not_at_all(void** state)
+static void test_a_file_is_replaced_completely_or_not_at_all(void** state)
 {
     (void)state;
     char words[16] = "";
@@ -278,7 +278,7 @@ static void test_a_file_is_replaced_whole_or_not_at_all(void** state)
     assert_int_equal(remove(path_of("f")), 0);
 }
 
-static void test_an_answer_may_come_later_however_long_that_takes(void** state)
+static void test_an_answer_may_come_any_time_later(void** state)
 {
     (void)state;
     int asked = 0;
@@ -322,13 +322,13 @@ static int remove_folder(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_who_asks_is_answered_in_however_many_pieces),
-        cmocka_unit_test(test_nonsense_is_told_so_and_silence_runs_out_of_patience),
+        cmocka_unit_test(test_a_request_is_answered_however_it_is_split),
+        cmocka_unit_test(test_unknown_requests_get_an_error_and_silent_clients_a_time_limit),
         cmocka_unit_test(test_more_clients_than_places_wait_their_turn),
-        cmocka_unit_test(test_a_socket_that_is_in_use_or_is_none_is_left_alone),
+        cmocka_unit_test(test_a_socket_in_use_and_a_file_of_another_kind_are_not_replaced),
         cmocka_unit_test(test_a_port_that_is_taken_is_refused),
-        cmocka_unit_test(test_a_file_is_replaced_whole_or_not_at_all),
-        cmocka_unit_test(test_an_answer_may_come_later_however_long_that_takes),
+        cmocka_unit_test(test_a_file_is_replaced_completely_or_not_at_all),
+        cmocka_unit_test(test_an_answer_may_come_any_time_later),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -106,7 +106,7 @@ static void test_off_the_road_only_vehicles_are_a_cause(void** state)
     close_stage(&self);
 }
 
-static void test_ahead_is_seen_along_the_heading(void** state)
+static void test_ahead_means_along_the_heading(void** state)
 {
     (void)state;
     stage self;
@@ -127,7 +127,7 @@ static void test_ahead_is_seen_along_the_heading(void** state)
     close_stage(&self);
 }
 
-static void test_who_drives_or_is_not_there_does_not_stand(void** state)
+static void test_moving_and_absent_vehicles_do_not_stand(void** state)
 {
     (void)state;
     stage self;
@@ -148,8 +148,8 @@ int main(void)
         cmocka_unit_test(test_the_end_of_a_lane_that_nothing_continues_is_a_cause),
         cmocka_unit_test(test_a_ring_has_no_end),
         cmocka_unit_test(test_off_the_road_only_vehicles_are_a_cause),
-        cmocka_unit_test(test_ahead_is_seen_along_the_heading),
-        cmocka_unit_test(test_who_drives_or_is_not_there_does_not_stand),
+        cmocka_unit_test(test_ahead_means_along_the_heading),
+        cmocka_unit_test(test_moving_and_absent_vehicles_do_not_stand),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

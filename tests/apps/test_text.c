@@ -13,7 +13,7 @@
 #include <math.h>
 #include <stdio.h>
 
-static void test_what_does_not_fit_is_left_out_and_told(void** state)
+static void test_text_that_does_not_fit_is_left_out_and_marked(void** state)
 {
     (void)state;
     char buffer[16];
@@ -131,7 +131,7 @@ static void test_codes_have_names_and_others_are_unknown(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_what_does_not_fit_is_left_out_and_told),
+        cmocka_unit_test(test_text_that_does_not_fit_is_left_out_and_marked),
         cmocka_unit_test(test_any_words_come_back_from_json),
         cmocka_unit_test(test_every_message_has_all_its_fields_and_fits),
         cmocka_unit_test(test_codes_have_names_and_others_are_unknown),

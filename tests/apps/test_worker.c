@@ -97,7 +97,7 @@ static void test_destroying_waits_for_the_job(void** state)
     worker_destroy(NULL);
 }
 
-static void test_what_the_system_refuses_is_an_errno(void** state)
+static void test_a_refusal_of_the_system_is_an_errno(void** state)
 {
     (void)state;
     const thread_options nowhere = { .cpu_count = 1, .cpus = { 1023 } };
@@ -118,7 +118,7 @@ int main(void)
         cmocka_unit_test(test_a_job_runs_elsewhere_and_its_end_is_seen_once),
         cmocka_unit_test(test_many_jobs_run_one_after_the_other),
         cmocka_unit_test(test_destroying_waits_for_the_job),
-        cmocka_unit_test(test_what_the_system_refuses_is_an_errno),
+        cmocka_unit_test(test_a_refusal_of_the_system_is_an_errno),
     };
     return cmocka_run_group_tests(tests, make_gate, NULL);
 }

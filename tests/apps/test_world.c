@@ -159,7 +159,7 @@ static void test_a_recorded_vehicle_is_there_from_its_first_row_to_its_last(void
     close_stage(&self);
 }
 
-static void test_who_drives_off_the_end_of_the_road_leaves(void** state)
+static void test_a_vehicle_that_drives_off_the_end_of_the_road_leaves(void** state)
 {
     (void)state;
     stage self;
@@ -217,7 +217,7 @@ static void test_off_the_road_is_on_no_lane_and_not_past_its_end(void** state)
     close_stage(&self);
 }
 
-static void test_the_action_of_a_tick_is_the_step_active_then(void** state)
+static void test_the_action_of_a_tick_is_the_active_step(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("action");
@@ -249,9 +249,9 @@ int main(void)
         cmocka_unit_test(test_without_a_plan_it_keeps_its_lane_and_its_speed),
         cmocka_unit_test(test_a_cancelled_plan_ends_in_standstill_on_the_lane),
         cmocka_unit_test(test_a_recorded_vehicle_is_there_from_its_first_row_to_its_last),
-        cmocka_unit_test(test_who_drives_off_the_end_of_the_road_leaves),
+        cmocka_unit_test(test_a_vehicle_that_drives_off_the_end_of_the_road_leaves),
         cmocka_unit_test(test_off_the_road_is_on_no_lane_and_not_past_its_end),
-        cmocka_unit_test(test_the_action_of_a_tick_is_the_step_active_then),
+        cmocka_unit_test(test_the_action_of_a_tick_is_the_active_step),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -26,7 +26,7 @@ static void test_blocks_are_aligned_zeroed_and_disjoint(void** state)
     assert_int_equal(b[0], 0);
 }
 
-static void test_what_is_measured_is_exactly_enough(void** state)
+static void test_the_measured_memory_size_is_exactly_enough(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("arena");
@@ -80,7 +80,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_blocks_are_aligned_zeroed_and_disjoint),
-        cmocka_unit_test(test_what_is_measured_is_exactly_enough),
+        cmocka_unit_test(test_the_measured_memory_size_is_exactly_enough),
         cmocka_unit_test(test_a_size_that_wraps_is_refused),
         cmocka_unit_test(test_emptied_memory_is_handed_out_again_and_the_peak_stays),
     };

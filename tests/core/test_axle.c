@@ -38,7 +38,7 @@ static void test_centre_moves_as_the_rigid_body_says(void** state)
     }
 }
 
-static void test_a_spinning_measurement_gives_no_nonsense(void** state)
+static void test_an_extreme_curvature_gives_finite_motion(void** state)
 {
     (void)state;
     const vg_motion spin = { .speed = 0.01, .curvature = 500.0 };
@@ -51,7 +51,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_centre_moves_as_the_rigid_body_says),
-        cmocka_unit_test(test_a_spinning_measurement_gives_no_nonsense),
+        cmocka_unit_test(test_an_extreme_curvature_gives_finite_motion),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -187,7 +187,7 @@ static verge_track sudden(const scene* w, test_rng* rng)
     return track;
 }
 
-static void test_what_raises_no_alarm_touches_nobody(void** state)
+static void test_where_no_contact_is_reported_the_bodies_do_not_touch(void** state)
 {
     (void)state;
     static verge_track body, guarded;
@@ -257,7 +257,7 @@ static void test_neighbours_in_the_loop_do_not_change_a_candidate(void** state)
     }
 }
 
-static void test_the_own_track_is_no_obstacle(void** state)
+static void test_the_track_of_the_vehicle_itself_is_no_obstacle(void** state)
 {
     (void)state;
     scene* w = scene_make(0.0, 0.0);
@@ -272,7 +272,7 @@ static void test_the_own_track_is_no_obstacle(void** state)
     scene_free(w);
 }
 
-static void test_what_is_not_a_number_is_infeasible_and_stays_alone(void** state)
+static void test_a_candidate_with_nan_is_infeasible_and_affects_no_other(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("nan");
@@ -298,10 +298,10 @@ int main(void)
         cmocka_unit_test(test_every_cost_equals_the_straight_form),
         cmocka_unit_test(test_a_later_segment_costs_what_the_straight_form_says),
         cmocka_unit_test(test_marks_say_which_limits_are_broken),
-        cmocka_unit_test(test_what_raises_no_alarm_touches_nobody),
+        cmocka_unit_test(test_where_no_contact_is_reported_the_bodies_do_not_touch),
         cmocka_unit_test(test_neighbours_in_the_loop_do_not_change_a_candidate),
-        cmocka_unit_test(test_the_own_track_is_no_obstacle),
-        cmocka_unit_test(test_what_is_not_a_number_is_infeasible_and_stays_alone),
+        cmocka_unit_test(test_the_track_of_the_vehicle_itself_is_no_obstacle),
+        cmocka_unit_test(test_a_candidate_with_nan_is_infeasible_and_affects_no_other),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

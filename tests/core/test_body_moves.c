@@ -33,7 +33,7 @@ static void moves_of(verge_body_kind kind, double v, double step[2], uint8_t* le
     stage_close(at);
 }
 
-static void test_no_body_is_asked_for_more_than_it_can(void** state)
+static void test_no_decision_exceeds_the_limits_of_a_body(void** state)
 {
     (void)state;
     for (int i = 0; i < VERGE_BODY_KIND_COUNT; ++i) {
@@ -63,7 +63,7 @@ static void test_no_body_accelerates_beyond_its_speed(void** state)
     assert_true((legal >> VERGE_ACCELERATE & 1) != 0);
 }
 
-static void test_the_flow_holds_the_whole_of_an_articulated_truck(void** state)
+static void test_the_scene_includes_both_bodies_of_an_articulated_truck(void** state)
 {
     (void)state;
     stage* at = stage_open(1, 500.0);
@@ -79,7 +79,7 @@ static void test_the_flow_holds_the_whole_of_an_articulated_truck(void** state)
     stage_close(at);
 }
 
-static void test_nobody_changes_to_where_a_trailer_is(void** state)
+static void test_no_vehicle_changes_into_the_place_of_a_trailer(void** state)
 {
     (void)state;
     for (int i = 0; i < 2; ++i) {
@@ -99,10 +99,10 @@ static void test_nobody_changes_to_where_a_trailer_is(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_no_body_is_asked_for_more_than_it_can),
+        cmocka_unit_test(test_no_decision_exceeds_the_limits_of_a_body),
         cmocka_unit_test(test_no_body_accelerates_beyond_its_speed),
-        cmocka_unit_test(test_the_flow_holds_the_whole_of_an_articulated_truck),
-        cmocka_unit_test(test_nobody_changes_to_where_a_trailer_is),
+        cmocka_unit_test(test_the_scene_includes_both_bodies_of_an_articulated_truck),
+        cmocka_unit_test(test_no_vehicle_changes_into_the_place_of_a_trailer),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

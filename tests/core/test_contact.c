@@ -177,7 +177,7 @@ static void test_an_overlap_at_the_start_may_last_but_not_come_back(void** state
     assert_int_equal(vg_contact_new(&a, &b, 0.0, LAST), LAST + 1);
 }
 
-static void test_who_starts_within_the_clearance_must_only_not_touch(void** state)
+static void test_a_vehicle_that_starts_within_the_clearance_need_only_not_touch(void** state)
 {
     (void)state;
     a = straight_track(0.0, 0.0, 0.0, 0.0);
@@ -199,7 +199,7 @@ int main(void)
         cmocka_unit_test(test_a_body_that_passes_between_two_samples_is_seen),
         cmocka_unit_test(test_only_the_steps_asked_for_count),
         cmocka_unit_test(test_an_overlap_at_the_start_may_last_but_not_come_back),
-        cmocka_unit_test(test_who_starts_within_the_clearance_must_only_not_touch),
+        cmocka_unit_test(test_a_vehicle_that_starts_within_the_clearance_need_only_not_touch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -70,7 +70,7 @@ static pose slow_pose(const vg_leg* leg, double offset, double t)
                    (v[0] * a[1] - v[1] * a[0]) / (speed * speed * speed), 0.0 };
 }
 
-static void test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper(void** state)
+static void test_the_cost_of_a_leg_equals_the_direct_form_of_the_paper(void** state)
 {
     (void)state;
     TEST_BATCH(batch);
@@ -144,7 +144,7 @@ static void test_the_continuous_alert_zone_has_no_edge(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_cost_of_a_leg_equals_the_slow_reading_of_the_paper),
+        cmocka_unit_test(test_the_cost_of_a_leg_equals_the_direct_form_of_the_paper),
         cmocka_unit_test(test_the_continuous_alert_zone_has_no_edge),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -125,7 +125,7 @@ static void test_on_a_straight_road_a_fallback_stays_in_its_lane(void** state)
     }
 }
 
-static void test_a_fallback_that_only_slows_down_meets_nobody_ahead(void** state)
+static void test_a_fallback_that_only_slows_down_meets_no_vehicle_ahead(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("clear");
@@ -161,7 +161,7 @@ static void test_it_stops_behind_a_standing_body_wherever_brakes_can(void** stat
     }
 }
 
-static void test_more_room_means_a_gentler_fallback(void** state)
+static void test_more_distance_means_a_gentler_fallback(void** state)
 {
     (void)state;
     double hardest_before = 100.0;
@@ -185,7 +185,7 @@ static void test_more_room_means_a_gentler_fallback(void** state)
     CHECK_NEAR(hardest_before, 0.0, 1e-9); // 80 m: beyond the horizon
 }
 
-static void test_before_what_cannot_be_missed_it_brakes_as_hard_as_it_can(void** state)
+static void test_before_an_unavoidable_contact_a_vehicle_brakes_as_hard_as_it_can(void** state)
 {
     (void)state;
     for (double v = 10.0; v <= 24.0; v += 2.0) {
@@ -256,10 +256,10 @@ int main(void)
         cmocka_unit_test(test_alone_a_vehicle_goes_on_at_its_speed),
         cmocka_unit_test(test_on_a_straight_road_a_fallback_is_drivable_and_never_faster),
         cmocka_unit_test(test_on_a_straight_road_a_fallback_stays_in_its_lane),
-        cmocka_unit_test(test_a_fallback_that_only_slows_down_meets_nobody_ahead),
+        cmocka_unit_test(test_a_fallback_that_only_slows_down_meets_no_vehicle_ahead),
         cmocka_unit_test(test_it_stops_behind_a_standing_body_wherever_brakes_can),
-        cmocka_unit_test(test_more_room_means_a_gentler_fallback),
-        cmocka_unit_test(test_before_what_cannot_be_missed_it_brakes_as_hard_as_it_can),
+        cmocka_unit_test(test_more_distance_means_a_gentler_fallback),
+        cmocka_unit_test(test_before_an_unavoidable_contact_a_vehicle_brakes_as_hard_as_it_can),
         cmocka_unit_test(test_off_the_road_it_brakes_at_once_and_straight_ahead),
         cmocka_unit_test(test_at_rest_it_stays_at_rest_behind_another_body),
         cmocka_unit_test(test_a_lane_that_ends_is_not_left_over_its_end),

@@ -78,7 +78,7 @@ static void test_braking_from_the_follow_speed_ends_at_the_gap(void** state)
     assert_true(drives > 0 && stops > 0);
 }
 
-static void test_who_is_beside_behind_or_crossing_is_not_followed(void** state)
+static void test_a_body_beside_behind_or_crossing_is_not_followed(void** state)
 {
     (void)state;
     static pair p;
@@ -101,7 +101,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_braking_from_the_follow_speed_ends_at_the_gap),
-        cmocka_unit_test(test_who_is_beside_behind_or_crossing_is_not_followed),
+        cmocka_unit_test(test_a_body_beside_behind_or_crossing_is_not_followed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -28,7 +28,7 @@ static scene* same_gap(double lead)
     return w;
 }
 
-static void test_two_vehicles_sent_into_one_gap_do_not_meet(void** state)
+static void test_two_vehicles_with_one_gap_as_target_do_not_touch(void** state)
 {
     (void)state;
     for (double lead = -4.0; lead <= 4.0; lead += 1.0) {
@@ -161,7 +161,7 @@ static void test_the_executor_changes_nothing(void** state)
     }
 }
 
-static void test_the_other_way_round_it_is_the_earlier_id_that_yields_to_a_fallback(void** state)
+static void test_the_lower_id_plans_again_where_the_higher_has_a_fallback(void** state)
 {
     (void)state;
     // Vehicle 1 is off the road beside lane 0 and can only brake straight ahead, across the lane
@@ -182,11 +182,11 @@ static void test_the_other_way_round_it_is_the_earlier_id_that_yields_to_a_fallb
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_two_vehicles_sent_into_one_gap_do_not_meet),
+        cmocka_unit_test(test_two_vehicles_with_one_gap_as_target_do_not_touch),
         cmocka_unit_test(test_planned_trajectories_never_touch_each_other),
         cmocka_unit_test(test_the_executor_changes_nothing),
         cmocka_unit_test(
-            test_the_other_way_round_it_is_the_earlier_id_that_yields_to_a_fallback),
+            test_the_lower_id_plans_again_where_the_higher_has_a_fallback),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

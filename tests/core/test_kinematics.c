@@ -125,7 +125,7 @@ static void test_no_profile_to_the_same_speed_has_less_jerk(void** state)
     }
 }
 
-static void test_a_stop_never_rolls_back_and_stays(void** state)
+static void test_after_a_stop_a_vehicle_does_not_move_back(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("stop");
@@ -395,7 +395,7 @@ static void test_a_bicycle_that_steers_and_drives_like_the_leg_arrives_with_it(v
 
 // ---------------------------------------------------------------------------- in and out
 
-static void test_a_state_on_the_path_survives_the_way_out_and_back(void** state)
+static void test_a_state_on_the_path_is_the_same_after_conversion_there_and_back(void** state)
 {
     (void)state;
     static const double curvatures[] = { 0.0, 1.0 / 125.0, -1.0 / 40.0 };
@@ -420,7 +420,7 @@ static void test_a_state_on_the_path_survives_the_way_out_and_back(void** state)
     }
 }
 
-static void test_who_is_across_or_beyond_the_centre_of_the_bend_has_no_state(void** state)
+static void test_a_vehicle_across_or_beyond_the_centre_of_the_bend_has_no_state(void** state)
 {
     (void)state;
     road_take(1.0 / 30.0); // the middle lane's radius is 26.5 m
@@ -505,7 +505,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_profile_meets_its_end_speed_without_acceleration),
         cmocka_unit_test(test_no_profile_to_the_same_speed_has_less_jerk),
-        cmocka_unit_test(test_a_stop_never_rolls_back_and_stays),
+        cmocka_unit_test(test_after_a_stop_a_vehicle_does_not_move_back),
         cmocka_unit_test(test_braking_keeps_its_level_and_its_jerk_and_ends_at_rest),
         cmocka_unit_test(test_braking_of_level_zero_only_ends_the_acceleration),
         cmocka_unit_test(test_a_link_begins_at_the_state_and_ends_at_its_offset),
@@ -513,8 +513,8 @@ int main(void)
         cmocka_unit_test(test_motion_is_the_derivative_of_the_positions),
         cmocka_unit_test(test_jerk_and_curvature_rate_are_derivatives_in_time),
         cmocka_unit_test(test_a_bicycle_that_steers_and_drives_like_the_leg_arrives_with_it),
-        cmocka_unit_test(test_a_state_on_the_path_survives_the_way_out_and_back),
-        cmocka_unit_test(test_who_is_across_or_beyond_the_centre_of_the_bend_has_no_state),
+        cmocka_unit_test(test_a_state_on_the_path_is_the_same_after_conversion_there_and_back),
+        cmocka_unit_test(test_a_vehicle_across_or_beyond_the_centre_of_the_bend_has_no_state),
         cmocka_unit_test(test_each_limit_of_the_car_alone_refuses_a_motion),
         cmocka_unit_test(test_a_turned_wheel_steers_more_slowly_in_curvature),
         cmocka_unit_test(test_comfort_is_four_limits),

@@ -269,7 +269,7 @@ static void test_a_ring_is_walked_as_often_as_the_path_is_long(void** state)
     clear();
 }
 
-static void test_beyond_the_road_a_path_goes_straight_on(void** state)
+static void test_beyond_the_road_a_path_continues_straight(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("straight on");
@@ -300,7 +300,7 @@ int main(void)
         cmocka_unit_test(test_at_a_fork_a_path_takes_the_branch_to_its_target),
         cmocka_unit_test(test_behind_a_merge_a_path_comes_from_the_straightest_lane),
         cmocka_unit_test(test_a_ring_is_walked_as_often_as_the_path_is_long),
-        cmocka_unit_test(test_beyond_the_road_a_path_goes_straight_on),
+        cmocka_unit_test(test_beyond_the_road_a_path_continues_straight),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -76,7 +76,7 @@ static vg_rectangle random_body(test_rng* rng)
                            .half_width = test_rng_between(rng, 0.2, 1.5) };
 }
 
-static void test_distance_and_overlap_are_those_of_the_sides(void** state)
+static void test_distance_and_overlap_equal_those_computed_from_the_sides(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("rectangle");
@@ -98,7 +98,7 @@ static void test_distance_and_overlap_are_those_of_the_sides(void** state)
     assert_true(overlaps > rounds / 20 && overlaps < rounds / 2); // both answers were asked for
 }
 
-static void test_touching_is_overlap_and_a_hair_less_is_not(void** state)
+static void test_touching_is_overlap_and_any_distance_is_not(void** state)
 {
     (void)state;
     const vg_rectangle a = { .cos_heading = 1.0, .half_length = 2.5, .half_width = 1.0 };
@@ -115,8 +115,8 @@ static void test_touching_is_overlap_and_a_hair_less_is_not(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_distance_and_overlap_are_those_of_the_sides),
-        cmocka_unit_test(test_touching_is_overlap_and_a_hair_less_is_not),
+        cmocka_unit_test(test_distance_and_overlap_equal_those_computed_from_the_sides),
+        cmocka_unit_test(test_touching_is_overlap_and_any_distance_is_not),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -205,7 +205,7 @@ static void test_a_straight_lane_is_exactly_straight(void** state)
     world_free(w);
 }
 
-static void test_noise_of_a_survey_is_not_followed(void** state)
+static void test_a_line_does_not_follow_the_noise_of_its_survey(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("noise");
@@ -315,7 +315,7 @@ static void test_a_coarse_circle_is_a_circle(void** state)
     }
 }
 
-static void test_seams_of_one_to_one_lanes_do_not_show(void** state)
+static void test_lanes_that_continue_one_to_one_join_smoothly(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("seams");
@@ -516,7 +516,7 @@ static void test_a_merge_aligns_both_lanes_at_its_point(void** state)
     world_free(w);
 }
 
-static void test_a_diverge_leaves_the_branch_not_taken_out_of_sight(void** state)
+static void test_after_a_diverge_the_branch_not_taken_is_ignored(void** state)
 {
     (void)state;
     world* w = world_new();
@@ -576,7 +576,7 @@ static void test_a_crossing_conflicts_where_it_crosses_as_often_as_it_does(void*
     world_free(w);
 }
 
-static void test_a_ring_of_four_arcs_goes_round(void** state)
+static void test_a_ring_of_four_arcs_is_closed(void** state)
 {
     (void)state;
     world* w = world_new();
@@ -878,7 +878,7 @@ static void add_hostile_lane(world* w, test_rng* rng)
     } while (!accepted(w));
 }
 
-static void test_hostile_surveys_build_without_nonsense(void** state)
+static void test_every_road_that_passes_the_check_has_finite_lines(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("hostile surveys");
@@ -917,20 +917,20 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lines_are_smooth_near_their_survey_and_measured_by_arc),
         cmocka_unit_test(test_a_straight_lane_is_exactly_straight),
-        cmocka_unit_test(test_noise_of_a_survey_is_not_followed),
+        cmocka_unit_test(test_a_line_does_not_follow_the_noise_of_its_survey),
         cmocka_unit_test(test_a_dense_survey_of_a_long_road_is_fitted_as_a_coarse_one),
         cmocka_unit_test(test_the_deviation_is_that_of_the_point_furthest_from_the_line),
         cmocka_unit_test(test_a_coarse_circle_is_a_circle),
-        cmocka_unit_test(test_seams_of_one_to_one_lanes_do_not_show),
+        cmocka_unit_test(test_lanes_that_continue_one_to_one_join_smoothly),
         cmocka_unit_test(test_projection_undoes_position),
         cmocka_unit_test(test_a_body_is_on_the_lane_that_fits_its_heading),
         cmocka_unit_test(test_neighbours_share_stations_and_know_their_gaps),
         cmocka_unit_test(test_concentric_lanes_are_side_by_side_at_equal_stations),
         cmocka_unit_test(test_speeds_fall_before_bends_and_slower_lanes),
         cmocka_unit_test(test_a_merge_aligns_both_lanes_at_its_point),
-        cmocka_unit_test(test_a_diverge_leaves_the_branch_not_taken_out_of_sight),
+        cmocka_unit_test(test_after_a_diverge_the_branch_not_taken_is_ignored),
         cmocka_unit_test(test_a_crossing_conflicts_where_it_crosses_as_often_as_it_does),
-        cmocka_unit_test(test_a_ring_of_four_arcs_goes_round),
+        cmocka_unit_test(test_a_ring_of_four_arcs_is_closed),
         cmocka_unit_test(test_routes_take_the_fewest_changes_and_go_on_across_sections),
         cmocka_unit_test(test_a_path_is_its_anchor_and_smooth_beyond_it),
         cmocka_unit_test(test_a_path_goes_straight_on_where_the_road_ends),
@@ -938,7 +938,7 @@ int main(void)
         cmocka_unit_test(test_a_centreline_may_turn_sharply_but_not_double_back),
         cmocka_unit_test(test_a_successor_goes_on_within_ninety_degrees),
         cmocka_unit_test(test_stretches_may_touch_and_an_empty_list_needs_no_neighbour),
-        cmocka_unit_test(test_hostile_surveys_build_without_nonsense),
+        cmocka_unit_test(test_every_road_that_passes_the_check_has_finite_lines),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -180,7 +180,7 @@ static void test_brakes_take_their_time_at_walking_speed_too(void** state)
     }
 }
 
-static void test_a_vehicle_starts_from_rest_when_told_to_accelerate(void** state)
+static void test_a_vehicle_at_rest_starts_when_its_action_accelerates(void** state)
 {
     (void)state;
     scene* w = scene_make(1.0 / 60.0, 0.0);
@@ -254,7 +254,7 @@ static void test_the_standstill_gap_is_kept_behind_a_standing_body(void** state)
     }
 }
 
-static void test_who_is_faster_than_the_limit_slows_down_gently(void** state)
+static void test_a_vehicle_faster_than_the_limit_slows_down_gently(void** state)
 {
     (void)state;
     scene* w = scene_make(0.0, 0.0); // limit 25
@@ -329,7 +329,7 @@ static void test_a_body_in_the_rear_of_one_that_draws_away_drives_on(void** stat
     scene_free(w);
 }
 
-static void test_a_fallback_brakes_for_a_dead_end_whoever_is_behind(void** state)
+static void test_a_fallback_brakes_for_a_dead_end_with_any_vehicle_behind(void** state)
 {
     (void)state;
     for (double v = 3.0; v <= 9.0; v += 2.0) {
@@ -372,7 +372,7 @@ static void test_keeping_a_lane_does_not_end_beyond_its_border(void** state)
     assert_true(planned > 0 && refused > 0);
 }
 
-static void test_fallbacks_say_why(void** state)
+static void test_a_fallback_states_its_reason(void** state)
 {
     (void)state;
     // Off the road: brakes straight ahead.
@@ -416,17 +416,17 @@ int main(void)
         cmocka_unit_test(test_a_slow_vehicle_changes_lanes_as_far_as_its_steering_follows),
         cmocka_unit_test(test_a_vehicle_at_rest_stays_at_rest_behind_another),
         cmocka_unit_test(test_brakes_take_their_time_at_walking_speed_too),
-        cmocka_unit_test(test_a_vehicle_starts_from_rest_when_told_to_accelerate),
+        cmocka_unit_test(test_a_vehicle_at_rest_starts_when_its_action_accelerates),
         cmocka_unit_test(test_a_vehicle_stops_behind_a_standing_one),
         cmocka_unit_test(test_the_standstill_gap_is_kept_behind_a_standing_body),
-        cmocka_unit_test(test_who_is_faster_than_the_limit_slows_down_gently),
+        cmocka_unit_test(test_a_vehicle_faster_than_the_limit_slows_down_gently),
         cmocka_unit_test(test_it_does_not_drive_over_the_end_of_a_dead_end),
         cmocka_unit_test(test_a_body_that_overlaps_already_may_leave_the_overlap),
         cmocka_unit_test(test_a_body_in_the_rear_of_another_one_stops_and_stays),
         cmocka_unit_test(test_a_body_in_the_rear_of_one_that_draws_away_drives_on),
-        cmocka_unit_test(test_a_fallback_brakes_for_a_dead_end_whoever_is_behind),
+        cmocka_unit_test(test_a_fallback_brakes_for_a_dead_end_with_any_vehicle_behind),
         cmocka_unit_test(test_keeping_a_lane_does_not_end_beyond_its_border),
-        cmocka_unit_test(test_fallbacks_say_why),
+        cmocka_unit_test(test_a_fallback_states_its_reason),
         cmocka_unit_test(test_every_accepted_trajectory_passes_the_strict_judge),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

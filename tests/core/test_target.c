@@ -67,7 +67,7 @@ static scene* random_scene(test_rng* rng, bool change)
     return w;
 }
 
-static void test_the_state_decided_is_a_candidate_and_the_cheapest(void** state)
+static void test_the_decided_state_is_a_candidate_and_the_cheapest(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("centre");
@@ -257,7 +257,7 @@ static void test_the_cheapest_candidate_can_stop_behind_a_standing_body(void** s
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_state_decided_is_a_candidate_and_the_cheapest),
+        cmocka_unit_test(test_the_decided_state_is_a_candidate_and_the_cheapest),
         cmocka_unit_test(test_offsets_spread_evenly_over_their_region),
         cmocka_unit_test(test_penalties_grow_with_the_distance_from_the_decision),
         cmocka_unit_test(

@@ -425,7 +425,7 @@ static void test_dds_keeps_the_newest_state_of_each_vehicle(void** state)
     fixture_close(&f);
 }
 
-static void test_dds_gives_the_last_status_to_whoever_comes_later(void** state)
+static void test_dds_gives_the_last_status_to_later_readers(void** state)
 {
     (void)state;
     if (!dds_is_built_in()) {
@@ -513,7 +513,7 @@ static void test_dds_recovers_from_more_vehicles_than_a_reader_has_room_for(void
     fixture_close(&f);
 }
 
-static void test_dds_passes_plans_on_whatever_number_of_vehicles_came_before(void** state)
+static void test_dds_delivers_plans_after_any_number_of_vehicles(void** state)
 {
     (void)state;
     if (!dds_is_built_in()) {
@@ -574,7 +574,7 @@ static bool is_told(transport* bus, const char* words, transport* talker)
     return false;
 }
 
-static void test_dds_tells_of_senders_that_leave_and_of_deadlines(void** state)
+static void test_dds_reports_senders_that_leave_and_missed_deadlines(void** state)
 {
     (void)state;
     if (!dds_is_built_in()) {
@@ -606,7 +606,7 @@ static void test_dds_tells_of_senders_that_leave_and_of_deadlines(void** state)
 
 // ---------------------------------------------------------------- URLs
 
-static void test_urls_that_are_none_are_refused_with_what_was_expected(void** state)
+static void test_malformed_urls_are_refused_with_what_was_expected(void** state)
 {
     (void)state;
     static const char* const bad[] = {
@@ -646,7 +646,7 @@ static void test_a_missing_log_is_unavailable(void** state)
 
 // ---------------------------------------------------------------- loop
 
-static void test_loop_keeps_the_newest_and_counts_what_it_gave_up(void** state)
+static void test_loop_keeps_the_newest_messages_and_counts_those_dropped(void** state)
 {
     (void)state;
     static transport_message messages[400];
@@ -899,7 +899,7 @@ static bool lcm_available(void)
     return result != TRANSPORT_UNAVAILABLE;
 }
 
-static void test_lcm_logplayer_plays_our_log_to_our_receiver(void** state)
+static void test_lcm_logplayer_plays_our_log(void** state)
 {
     (void)state;
     if (!lcm_available()) {
@@ -923,7 +923,7 @@ static void test_lcm_logplayer_plays_our_log_to_our_receiver(void** state)
     fixture_close(&f);
 }
 
-static void test_we_read_what_lcm_logger_heard_of_us(void** state)
+static void test_a_recording_of_lcm_logger_holds_our_messages(void** state)
 {
     (void)state;
     if (!lcm_available()) {
@@ -1138,23 +1138,23 @@ int main(void)
         cmocka_unit_test(test_lcm_delivers_filters_and_portions),
         cmocka_unit_test(test_dds_delivers_filters_and_portions),
         cmocka_unit_test(test_dds_keeps_the_newest_state_of_each_vehicle),
-        cmocka_unit_test(test_dds_gives_the_last_status_to_whoever_comes_later),
+        cmocka_unit_test(test_dds_gives_the_last_status_to_later_readers),
         cmocka_unit_test(test_dds_domains_are_apart_and_can_be_opened_again),
         cmocka_unit_test(test_an_interface_that_is_not_there_is_named_with_those_that_are),
         cmocka_unit_test(test_dds_recovers_from_more_vehicles_than_a_reader_has_room_for),
-        cmocka_unit_test(test_dds_passes_plans_on_whatever_number_of_vehicles_came_before),
-        cmocka_unit_test(test_dds_tells_of_senders_that_leave_and_of_deadlines),
-        cmocka_unit_test(test_urls_that_are_none_are_refused_with_what_was_expected),
+        cmocka_unit_test(test_dds_delivers_plans_after_any_number_of_vehicles),
+        cmocka_unit_test(test_dds_reports_senders_that_leave_and_missed_deadlines),
+        cmocka_unit_test(test_malformed_urls_are_refused_with_what_was_expected),
         cmocka_unit_test(test_a_missing_log_is_unavailable),
-        cmocka_unit_test(test_loop_keeps_the_newest_and_counts_what_it_gave_up),
+        cmocka_unit_test(test_loop_keeps_the_newest_messages_and_counts_those_dropped),
         cmocka_unit_test(test_a_log_gives_back_events_with_their_own_time_and_marks),
         cmocka_unit_test(test_a_log_is_lcms_event_format),
         cmocka_unit_test(test_a_log_cut_anywhere_gives_every_whole_event),
         cmocka_unit_test(test_garbage_in_a_log_costs_only_the_events_it_hits),
         cmocka_unit_test(test_a_damaged_length_in_a_log_costs_one_event),
         cmocka_unit_test(test_a_logs_big_foreign_events_are_skipped),
-        cmocka_unit_test(test_lcm_logplayer_plays_our_log_to_our_receiver),
-        cmocka_unit_test(test_we_read_what_lcm_logger_heard_of_us),
+        cmocka_unit_test(test_lcm_logplayer_plays_our_log),
+        cmocka_unit_test(test_a_recording_of_lcm_logger_holds_our_messages),
         cmocka_unit_test(test_a_bus_that_goes_away_comes_back),
         cmocka_unit_test(test_dds_comes_back_with_its_interface),
     };

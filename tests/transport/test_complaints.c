@@ -23,7 +23,7 @@ static void begin(complaints* box)
     told_count = 0;
 }
 
-static void test_the_same_trouble_is_told_at_once_and_then_every_ten_seconds(void** state)
+static void test_the_same_fault_is_logged_at_once_and_then_every_ten_seconds(void** state)
 {
     (void)state;
     static complaints box;
@@ -48,7 +48,7 @@ static void test_the_same_trouble_is_told_at_once_and_then_every_ten_seconds(voi
     complaints_destroy(&box);
 }
 
-static void test_a_flood_of_different_troubles_is_five_lines_a_second(void** state)
+static void test_different_faults_give_at_most_five_lines_a_second(void** state)
 {
     (void)state;
     static complaints box;
@@ -68,7 +68,7 @@ static void test_a_flood_of_different_troubles_is_five_lines_a_second(void** sta
     complaints_destroy(&box);
 }
 
-static void test_nobody_who_listens_is_no_trouble_and_long_lines_are_cut(void** state)
+static void test_a_missing_listener_is_no_error_and_long_lines_are_cut(void** state)
 {
     (void)state;
     static complaints box;
@@ -95,7 +95,7 @@ static void* complain(void* box)
     return NULL;
 }
 
-static void test_lines_of_many_threads_are_whole(void** state)
+static void test_lines_of_many_threads_are_not_mixed(void** state)
 {
     (void)state;
     static complaints box;
@@ -121,10 +121,10 @@ static void test_lines_of_many_threads_are_whole(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_same_trouble_is_told_at_once_and_then_every_ten_seconds),
-        cmocka_unit_test(test_a_flood_of_different_troubles_is_five_lines_a_second),
-        cmocka_unit_test(test_nobody_who_listens_is_no_trouble_and_long_lines_are_cut),
-        cmocka_unit_test(test_lines_of_many_threads_are_whole),
+        cmocka_unit_test(test_the_same_fault_is_logged_at_once_and_then_every_ten_seconds),
+        cmocka_unit_test(test_different_faults_give_at_most_five_lines_a_second),
+        cmocka_unit_test(test_a_missing_listener_is_no_error_and_long_lines_are_cut),
+        cmocka_unit_test(test_lines_of_many_threads_are_not_mixed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

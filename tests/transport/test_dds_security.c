@@ -98,7 +98,7 @@ static void check_refused(const paths* p, const char* field, const char* path, c
     assert_null(strchr(error, '\n'));
 }
 
-static void test_what_tools_certs_makes_is_good(void** state)
+static void test_certificates_of_tools_certs_are_accepted(void** state)
 {
     (void)state;
     static const char* const who[] = { "rsu", "vehicle" };
@@ -158,7 +158,7 @@ static void need_openssl(void)
     }
 }
 
-static void test_papers_that_do_not_belong_together_are_refused(void** state)
+static void test_certificates_that_do_not_match_are_refused(void** state)
 {
     (void)state;
     need_openssl();
@@ -192,7 +192,7 @@ static void test_papers_that_do_not_belong_together_are_refused(void** state)
     check_refused(&p, "key", p.key, "without a passphrase");
 }
 
-static void test_what_has_expired_is_refused_with_its_date(void** state)
+static void test_an_expired_certificate_is_refused_with_its_date(void** state)
 {
     (void)state;
     need_openssl();
@@ -235,7 +235,7 @@ static long check_first_end(const char* set, const char* who, const char* field)
     return (long)((utime / 1000000 - time(NULL) + 43200) / 86400);
 }
 
-static void test_the_first_of_the_papers_to_end_is_told(void** state)
+static void test_the_earliest_expiry_date_of_the_certificates_is_reported(void** state)
 {
     (void)state;
     need_openssl();
@@ -256,7 +256,7 @@ static void test_the_first_of_the_papers_to_end_is_told(void** state)
     assert_false(dds_security_expires(&files, &utime, words, sizeof words));
 }
 
-static void test_rules_that_leave_the_door_open_are_told(void** state)
+static void test_rules_that_admit_unknown_participants_are_reported(void** state)
 {
     (void)state;
     need_openssl();
@@ -332,13 +332,13 @@ static void test_running_tools_certs_again_keeps_what_is_good_and_adds(void** st
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_what_tools_certs_makes_is_good),
+        cmocka_unit_test(test_certificates_of_tools_certs_are_accepted),
         cmocka_unit_test(test_each_missing_file_is_named),
         cmocka_unit_test(test_a_key_that_others_can_read_is_refused),
-        cmocka_unit_test(test_papers_that_do_not_belong_together_are_refused),
-        cmocka_unit_test(test_what_has_expired_is_refused_with_its_date),
-        cmocka_unit_test(test_the_first_of_the_papers_to_end_is_told),
-        cmocka_unit_test(test_rules_that_leave_the_door_open_are_told),
+        cmocka_unit_test(test_certificates_that_do_not_match_are_refused),
+        cmocka_unit_test(test_an_expired_certificate_is_refused_with_its_date),
+        cmocka_unit_test(test_the_earliest_expiry_date_of_the_certificates_is_reported),
+        cmocka_unit_test(test_rules_that_admit_unknown_participants_are_reported),
         cmocka_unit_test(test_running_tools_certs_again_keeps_what_is_good_and_adds),
     };
     return cmocka_run_group_tests(tests, make_certificates, remove_certificates);

@@ -236,7 +236,7 @@ static void test_an_attacker_with_the_checksum_still_meets_the_ranges(void** sta
     assert_true(box.counters.rx_accepted > 0 && box.counters.rx_out_of_range > 0);
 }
 
-static void test_a_forged_plan_that_passes_is_finite(void** state)
+static void test_a_forged_plan_that_is_accepted_has_finite_values(void** state)
 {
     (void)state;
     test_rng rng = test_rng_seeded("forged plans");
@@ -274,7 +274,7 @@ int main(void)
         cmocka_unit_test(test_a_flood_of_hostile_datagrams_costs_no_good_message),
         cmocka_unit_test(test_datagrams_lost_in_the_kernel_are_counted),
         cmocka_unit_test(test_an_attacker_with_the_checksum_still_meets_the_ranges),
-        cmocka_unit_test(test_a_forged_plan_that_passes_is_finite),
+        cmocka_unit_test(test_a_forged_plan_that_is_accepted_has_finite_values),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

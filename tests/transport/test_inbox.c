@@ -63,7 +63,7 @@ static void test_a_state_2_s_old_is_accepted_and_one_older_is_stale(void** state
     assert_int_equal(box.counters.rx_stale, 1);
 }
 
-static void test_duplicate_and_older_states_are_told_apart(void** state)
+static void test_duplicate_and_older_states_are_distinguished(void** state)
 {
     (void)state;
     verge_vehicle_state_t again = car(1, start);
@@ -77,7 +77,7 @@ static void test_duplicate_and_older_states_are_told_apart(void** state)
     assert_int_equal(box.counters.rx_out_of_order, 1);
 }
 
-static void test_two_senders_with_one_id_are_noticed_and_the_first_stays(void** state)
+static void test_two_senders_with_one_id_are_reported_and_the_first_keeps_it(void** state)
 {
     (void)state;
     verge_vehicle_state_t other = car(1, start);
@@ -140,7 +140,7 @@ static void test_a_vehicle_heard_on_two_buses_is_one_and_each_bus_has_its_sender
     assert_int_equal(offer_from(car(1, start + 2000 * MS), 1, 99), INBOX_ID_TAKEN);
 }
 
-static void test_unknown_senders_and_buses_of_old_claim_nothing(void** state)
+static void test_senders_and_buses_that_are_unknown_own_no_id(void** state)
 {
     (void)state;
     assert_int_equal(offer_from(car(1, start), 0, 77), INBOX_ACCEPTED);
@@ -248,7 +248,7 @@ static void test_ages_have_their_classes_at_the_exact_borders(void** state)
     check_class(2000 * MS + 1, false, false, 0.0);
 }
 
-static void test_a_cancellation_is_told_exactly_once(void** state)
+static void test_a_cancellation_is_sent_exactly_once(void** state)
 {
     (void)state;
     offer(car(1, start), start);
@@ -339,7 +339,7 @@ static void test_projection_agrees_with_driving_in_small_steps(void** state)
     }
 }
 
-static void test_a_braking_vehicle_stops_and_stays(void** state)
+static void test_a_braking_vehicle_stops_and_stays_at_rest(void** state)
 {
     (void)state;
     verge_vehicle v = { .speed = 4.0, .acceleration = -8.0, .yaw_rate = NAN };
@@ -379,7 +379,7 @@ static verge_vehicle_state_t spoiled(test_rng* rng, verge_vehicle_state_t s, int
     return s;
 }
 
-static void test_refused_states_leave_no_trace_but_their_counter(void** state)
+static void test_a_refused_state_changes_only_its_counter(void** state)
 {
     (void)state;
     test_rng   rng = test_rng_seeded("isolation");
@@ -473,7 +473,7 @@ static void test_only_vehicles_that_the_last_plan_found_on_a_lane_are_not_projec
     free(memory);
 }
 
-static void test_states_off_the_map_are_told_from_impossible_wishes(void** state)
+static void test_states_off_the_road_and_unknown_target_lanes_are_distinguished(void** state)
 {
     (void)state;
     void*                 memory;
@@ -561,24 +561,24 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(test_a_state_40_ms_ahead_is_accepted_and_one_more_is_not),
         TEST(test_a_state_2_s_old_is_accepted_and_one_older_is_stale),
-        TEST(test_duplicate_and_older_states_are_told_apart),
-        TEST(test_two_senders_with_one_id_are_noticed_and_the_first_stays),
+        TEST(test_duplicate_and_older_states_are_distinguished),
+        TEST(test_two_senders_with_one_id_are_reported_and_the_first_keeps_it),
         TEST(test_an_id_belongs_to_its_first_sender_until_that_is_silent_for_obstacle_ms),
         TEST(test_a_vehicle_heard_on_two_buses_is_one_and_each_bus_has_its_sender),
-        TEST(test_unknown_senders_and_buses_of_old_claim_nothing),
+        TEST(test_senders_and_buses_that_are_unknown_own_no_id),
         TEST(test_accepted_states_are_accepted_again_without_their_senders),
         TEST(test_out_of_range_comes_before_everything_else),
         TEST(test_a_full_table_takes_known_vehicles_and_replaces_forgotten_ones),
         TEST(test_ages_have_their_classes_at_the_exact_borders),
-        TEST(test_a_cancellation_is_told_exactly_once),
+        TEST(test_a_cancellation_is_sent_exactly_once),
         TEST(test_surplus_vehicles_are_obstacles_and_the_planned_keep_their_places),
         TEST(test_projection_agrees_with_driving_in_small_steps),
-        TEST(test_a_braking_vehicle_stops_and_stays),
+        TEST(test_a_braking_vehicle_stops_and_stays_at_rest),
         TEST(test_no_projection_is_faster_than_a_car),
-        TEST(test_refused_states_leave_no_trace_but_their_counter),
+        TEST(test_a_refused_state_changes_only_its_counter),
         TEST(test_views_are_ordered_by_id_whatever_the_order_of_arrival),
         TEST(test_only_vehicles_that_the_last_plan_found_on_a_lane_are_not_projected),
-        TEST(test_states_off_the_map_are_told_from_impossible_wishes),
+        TEST(test_states_off_the_road_and_unknown_target_lanes_are_distinguished),
         TEST(test_limits_are_refused_out_of_range_and_out_of_order),
         TEST(test_a_status_carries_all_counters_and_never_wraps),
     };

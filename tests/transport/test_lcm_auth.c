@@ -491,7 +491,7 @@ static void check_refusals(const transport* bus, transport_refusal refusal, uint
     }
 }
 
-static void test_strangers_get_nothing_through_and_each_cause_is_counted_and_told(void** state)
+static void test_messages_without_a_valid_signature_are_refused_and_counted_by_cause(void** state)
 {
     (void)state;
     need_openssl();
@@ -556,7 +556,7 @@ static void test_strangers_get_nothing_through_and_each_cause_is_counted_and_tol
     close(elsewhere);
 }
 
-static void test_who_has_no_keys_reads_signed_messages_as_any_others(void** state)
+static void test_a_receiver_without_keys_accepts_signed_messages(void** state)
 {
     (void)state;
     need_openssl();
@@ -595,7 +595,7 @@ static void test_who_has_no_keys_reads_signed_messages_as_any_others(void** stat
     close(tap);
 }
 
-static void test_only_allowed_addresses_are_heard(void** state)
+static void test_only_messages_from_allowed_addresses_are_accepted(void** state)
 {
     (void)state;
     static const char* const allow[] = { "127.0.0.64/26", "127.0.0.9" };
@@ -644,9 +644,9 @@ int main(void)
         cmocka_unit_test(test_random_bytes_are_never_admitted),
         cmocka_unit_test(test_keys_that_cannot_work_are_refused_with_the_remedy),
         cmocka_unit_test(test_networks_are_read_as_written_or_refused),
-        cmocka_unit_test(test_strangers_get_nothing_through_and_each_cause_is_counted_and_told),
-        cmocka_unit_test(test_who_has_no_keys_reads_signed_messages_as_any_others),
-        cmocka_unit_test(test_only_allowed_addresses_are_heard),
+        cmocka_unit_test(test_messages_without_a_valid_signature_are_refused_and_counted_by_cause),
+        cmocka_unit_test(test_a_receiver_without_keys_accepts_signed_messages),
+        cmocka_unit_test(test_only_messages_from_allowed_addresses_are_accepted),
     };
     return cmocka_run_group_tests(tests, make_keys, remove_keys);
 }

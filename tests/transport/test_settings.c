@@ -44,7 +44,7 @@ static void test_a_bus_takes_its_own_settings_and_leaves_those_of_others(void** 
     assert_int_equal(setting_count(&options, "lcm.allow"), 1);
 }
 
-static void test_what_cannot_work_is_refused_by_its_name(void** state)
+static void test_settings_that_cannot_work_are_refused_by_name(void** state)
 {
     (void)state;
     static const struct {
@@ -92,7 +92,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_each_table_row_is_named_after_its_bus_and_has_a_sentence),
         cmocka_unit_test(test_a_bus_takes_its_own_settings_and_leaves_those_of_others),
-        cmocka_unit_test(test_what_cannot_work_is_refused_by_its_name),
+        cmocka_unit_test(test_settings_that_cannot_work_are_refused_by_name),
         cmocka_unit_test(test_a_list_holds_as_many_as_its_row_says),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

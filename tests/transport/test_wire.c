@@ -113,7 +113,7 @@ static void check_encoding(transport_kind kind, const void* value, const writer*
     assert_int_equal(codec_get_u32(bytes + size - 4), crc32_by_bits(fields->bytes, fields->size));
 }
 
-static void test_a_state_is_the_contracts_fields_in_order(void** state)
+static void test_a_state_message_has_its_documented_fields_in_order(void** state)
 {
     (void)state;
     const verge_vehicle_state_t m = good_state();
@@ -138,7 +138,7 @@ static void test_a_state_is_the_contracts_fields_in_order(void** state)
     check_encoding(TRANSPORT_STATE, &m, &w);
 }
 
-static void test_a_plan_is_the_contracts_fields_in_order(void** state)
+static void test_a_plan_message_has_its_documented_fields_in_order(void** state)
 {
     (void)state;
     const verge_vehicle_plan_t m = good_plan();
@@ -426,7 +426,7 @@ static void test_every_field_of_a_plan_is_held_to_its_range(void** state)
 
 // ---------------------------------------------------------------- conversion
 
-static void test_a_vehicle_survives_the_way_there_and_back(void** state)
+static void test_a_vehicle_is_the_same_after_conversion_there_and_back(void** state)
 {
     (void)state;
     const verge_vehicle_state_t sent = good_state();
@@ -617,8 +617,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_crc32_is_that_of_zlib),
-        cmocka_unit_test(test_a_state_is_the_contracts_fields_in_order),
-        cmocka_unit_test(test_a_plan_is_the_contracts_fields_in_order),
+        cmocka_unit_test(test_a_state_message_has_its_documented_fields_in_order),
+        cmocka_unit_test(test_a_plan_message_has_its_documented_fields_in_order),
         cmocka_unit_test(test_every_message_fits_one_datagram),
         cmocka_unit_test(test_decoding_returns_what_was_encoded),
         cmocka_unit_test(test_the_checksum_of_the_fields_is_that_of_the_bytes),
@@ -626,7 +626,7 @@ int main(void)
         cmocka_unit_test(test_every_field_of_a_state_is_held_to_its_range),
         cmocka_unit_test(test_the_quantities_of_a_message_have_the_ranges_of_a_vehicle),
         cmocka_unit_test(test_every_field_of_a_plan_is_held_to_its_range),
-        cmocka_unit_test(test_a_vehicle_survives_the_way_there_and_back),
+        cmocka_unit_test(test_a_vehicle_is_the_same_after_conversion_there_and_back),
         cmocka_unit_test(test_an_unknown_cooperation_is_the_habits),
         cmocka_unit_test(test_equal_neighbouring_steps_become_one_action),
         cmocka_unit_test(test_the_first_ten_actions_are_kept),

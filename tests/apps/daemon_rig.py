@@ -1,4 +1,4 @@
-"""What the tests of the daemon as a service share: no bus, no types, only processes and sockets."""
+"""Shared parts of the tests of the daemon as a service: processes and sockets, without a bus."""
 import argparse
 import json
 import os

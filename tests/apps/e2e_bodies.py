@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Claim: a vehicle of any kind, by name, by numbers or by its size alone, drives round a corner and
-beside others with its own axles, and nobody drives through a trailer.
+"""Claim: a vehicle of any kind, given by name, by numbers or by size alone, is planned round a
+corner and beside others with its own axles, and no vehicle drives through a trailer.
 
 Each plan and run is judged with the body of the scenario's vehicle (judge.py): its rear axle, its
-steering, its acceleration. The trailer's way is integrated here from that of its tractor. What has
-no place for a trailer refuses one: the messages of a bus, a planner without room for one more body.
+steering, its acceleration. The path of a trailer is integrated here from that of its tractor.
+Messages of a bus and a planner without capacity for one more body refuse a trailer.
 Usage: e2e_bodies.py --bin DIR
 """
 import argparse

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""verge-plan, verge-sim, verge-replay and verge-bench from outside: their documents, their exit codes, their bytes.
+"""verge-plan, verge-sim, verge-replay and verge-bench: their documents, exit codes and bytes.
 
-Reads what they print with Python's own json and mathematics, and checks it.
+Parses and checks the output of the programs with Python's own json and mathematics.
 Usage: e2e_cli.py --bin DIR [--scenarios DIR]
 """
 import argparse

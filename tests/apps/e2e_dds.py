@@ -2,10 +2,10 @@
 
     python3 tests/apps/e2e_dds.py --bin build/bin [--lcm-python VENV] [--only NAME]
 
-Exit status 0: all held; 1: something did not (said on standard error); 77: skipped, because the
-Python packages cyclonedds or lcm, lcm-gen or a private network are missing on this machine.
-Types come from transport/types/verge.idl as it is written, so the client knows no more than any
-other would; checksums and fields are compared with those lcm-gen makes of verge.lcm.
+Exit status 0: passed; 1: failed (reason on standard error); 77: skipped, because the Python
+packages cyclonedds or lcm, lcm-gen or a private network are missing on this machine.
+The types are read from transport/types/verge.idl, as any other client would read them; checksums
+and fields are compared with those that lcm-gen makes from verge.lcm.
 """
 import collections
 import json

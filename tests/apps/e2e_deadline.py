@@ -2,9 +2,9 @@
 
     python3 tests/apps/e2e_deadline.py --bin build/bin [--lcm-python VENV] [--only NAME]
 
-Every case is a function named like its claim. Planning is made slow by its budget, which is measured
-first: this build on this machine may be fifty times slower than another one. The cases wait for what
-they need to see.
+Every case is a function whose name is its claim. A large budget makes planning slow. It is measured
+first, because builds and machines differ in speed by a factor of fifty. The cases wait for events,
+not for fixed times.
 Exit status 77: skipped, as in e2e_lcm.py, whose vehicles and bus these are.
 """
 import collections

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""tools/demo from outside: any scenario, from any folder, told in lines that say something new.
+"""tools/demo: it runs any scenario from any folder and prints only lines that report a change.
 
 Usage: e2e_demo.py --bin DIR
 Exit status 77: skipped, where matplotlib or a private network is missing.
@@ -27,7 +27,7 @@ def demo(binaries, *options, cwd, status=0):
 
 
 def lines_say_something_new(text):
-    """No vehicle is told twice after each other with the same action, lane and status."""
+    """No two successive lines of a vehicle have the same action, lane and status."""
     known, count = {}, 0
     for line in text.splitlines():
         found = LINE.match(line)

@@ -1,8 +1,8 @@
-"""verge-echo, verge-ctl's tables and the figures, with vehicles on a real LCM bus.
+"""verge-echo, the tables of verge-ctl and the metrics, with vehicles on a real LCM bus.
 
     python3 tests/apps/e2e_echo.py --bin build/bin [--lcm-python VENV] [--only NAME]
 
-Every case is a function named like its claim. Exit status 77: skipped, as in e2e_lcm.py, whose
+Every case is a function whose name is its claim. Exit status 77: skipped, as in e2e_lcm.py, whose
 vehicles and bus these are.
 """
 import json

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""verge-experiment from outside: its rows, its exit codes, its bytes, and what must not get worse.
+"""verge-experiment: its rows, exit codes and bytes, and gates on its results.
 
-The gate at the end holds successes, clearances and X_flow with fixed seeds, never times.
---slow is for a build with sanitizers, some twenty times slower: one scene of each kind instead of
-the gates, whose plans are the same bits in every build (tests/determinism).
+The gates limit successes, clearances and X_flow with fixed seeds, never times.
+--slow is for a build with sanitizers, which is about twenty times slower: it runs one scene of each
+kind instead of the gates, whose plans are the same bits in every build (tests/determinism).
 Usage: e2e_experiment.py --bin DIR [--slow] [--lcm-python DIR]
 """
 import argparse
@@ -138,7 +138,7 @@ def sign_test(more, less):
 
 
 def gate_yielding(program, folder):
-    """The more cooperative the one who could yield, the more often it does: paired scenes."""
+    """A more cooperative vehicle yields more often, in paired scenes."""
     rows = [r for r in rows_of(program, folder, "diversity", 60) if "cooperation" in r]
     share = {r["cooperation"]: r["yields"] for r in rows}
     low, middle, high = ((share[a] + share[b]) / 2 for a, b in ((0, 0.1), (0.25, 0.5), (0.9, 1)))

@@ -2,10 +2,11 @@
 
     python3 tests/apps/e2e_lcm.py --bin build/bin [--lcm-python VENV] [--only NAME]
 
-Exit status 0: all held; 1: something did not (said on standard error); 77: skipped, because
-the Python package lcm, lcm-gen or a private network is missing on this machine.
-Every case is a function named like its claim. Types come from transport/types/verge.lcm by
-lcm-gen, so field names, order and checksums are compared with an implementation not ours.
+Exit status 0: passed; 1: failed (reason on standard error); 77: skipped, because the Python
+package lcm, lcm-gen or a private network is missing on this machine.
+Every case is a function whose name is its claim. The types are made by lcm-gen from
+transport/types/verge.lcm, so that names, order and checksums of the fields are compared with an
+independent implementation.
 """
 import collections
 import json
@@ -93,7 +94,7 @@ def signed(number):
 
 
 class Vehicle:
-    """Drives straight on at a steady speed, whatever it is told."""
+    """Drives straight ahead at constant speed and follows no plan."""
 
     def __init__(self, number, x, lane, speed=15.0, controlled=True, target=-1):
         self.number, self.x0, self.y = number, x, 3.75 * lane

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Claim: the manual pages and the completions tell what the programs do.
+"""Claim: the manual pages and the completions agree with the programs.
 
 Every program has a page; the options of --help are those of its page, by name and by the name of
 their value, in the same order; completion offers each of them. Every fault of the daemon and
-every reason of a fallback stands in verge(7) with its number. mandoc finds nothing to warn of. Every page that one names exists.
+every reason of a fallback stands in verge(7) with its number. mandoc gives no warning. Every page
+that another one names exists.
 
 Usage: e2e_manual.py --bin DIR
 """

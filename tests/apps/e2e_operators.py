@@ -1,9 +1,9 @@
-"""What operators see of a running daemon: verge-ctl and its socket, Prometheus's figures, signals.
+"""The operator interfaces of a running daemon: verge-ctl and its socket, metrics, signals.
 
     python3 tests/apps/e2e_operators.py --bin build/bin [--only NAME]
 
-Every case is a function named like its claim. The bus is loop:, which needs no network; that
-vehicles and plans are shown is tested in e2e_echo.py.
+Every case is a function whose name is its claim. The bus is loop:, which needs no network; the
+tables of vehicles and plans are tested in e2e_echo.py.
 """
 import json
 import os

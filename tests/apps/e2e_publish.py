@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""verge-publish from outside: what it says while it runs, and that what it recorded replays.
+"""verge-publish: the lines that it prints while it runs, and the replay of its runs.
 
     python3 tests/apps/e2e_publish.py --bin build/bin [--only NAME]
 

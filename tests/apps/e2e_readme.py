@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Claim: the terminal sessions of README.md print what README.md says.
+"""Claim: the commands in README.md give the output shown there.
 
 Runs each command of a console block that starts with build/, and compares its output with the
-lines below the command; a line with nothing but … stands for any lines. Commands that build, install
-or run in real time are not run.
+lines below the command. A line with only … stands for any lines. Commands that build, install or
+run in real time are not run.
 
 Usage: e2e_readme.py --bin DIR
 """

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""The replay page, in a headless browser: it shows what the run file says, at any moment.
+"""The replay page, in a headless browser: it shows the content of the run file at any instant.
 
-Positions, sentences and lights on the page are held against the run file as Python reads it, for
-runs of verge-sim and for runs made here. Without a browser (tools/setup --long installs one) the
-page's making is still tested and the rest is skipped.
+Positions, sentences and lights on the page are compared with the run file as Python reads it, for
+runs of verge-sim and for runs made here. Without a browser (tools/setup --long installs one) only
+the generation of the page is tested.
 Usage: e2e_replay_html.py --bin DIR
 """
 import argparse
@@ -329,7 +329,7 @@ def lights_are_drawn(browser):
 
 
 def the_page_fits_small_windows(browser):
-    """A phone, a tablet, a desk; nothing sticks out, the road and its controls are on screen."""
+    """On a phone, a tablet and a desktop, the road and its controls are within the window."""
     for width, height in ((360, 740), (390, 844), (844, 390), (820, 1180), (1440, 900)):
         browser.size(width, height, touch=width < 900)
         browser.settle()

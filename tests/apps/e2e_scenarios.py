@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Every scenario of ours, several seeds: it succeeds, and an independent judge finds no fault.
+"""Every shipped scenario, with several seeds, succeeds, and an independent judge finds no fault.
 
 Single plans: no bodies overlap, every trajectory can be driven by the car. Runs: the same of the
-plan of each cycle, each plan begins where its vehicle is, nobody touches anybody, and every
-intention is reached without a fallback. Before that the judge itself is judged: on plans broken
-on purpose it has to find what is broken.
+plan of each cycle, each plan begins at the state of its vehicle, no vehicles touch, and every
+intention is reached without a fallback. The judge itself is tested first: it has to find the
+faults that are injected into good plans.
 Usage: e2e_scenarios.py --bin DIR
 """
 import argparse

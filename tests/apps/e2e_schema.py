@@ -4,8 +4,9 @@
 Everything shipped is accepted by both. For every key of a whole document, found by walking the
 schema: an unknown neighbour, a wrong type, a value beyond either end of its range and, where it is
 required, its absence are refused by both; the ends themselves by neither. The keys a program
-names when it refuses an unknown one are those of the schema. Rules a schema cannot tell (limits in
-order, lanes that exist) only the program knows: what it accepts, the schema accepts.
+names when it refuses an unknown one are those of the schema. Rules that a schema cannot express
+(limits in order, lanes that exist) are checked by the program only: the schema accepts every
+document that the program accepts.
 
 Usage: e2e_schema.py --bin DIR
 """

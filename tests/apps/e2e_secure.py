@@ -1,11 +1,11 @@
-"""The daemon among strangers: signed LCM, an allow list, DDS Security; whatever does not hold a key
-or a certificate gets nothing through in either direction, and the log says why.
+"""The daemon on a bus with other participants: signed LCM, an allow list, DDS Security. A
+participant without a key or a certificate can neither send nor receive, and the log states the reason.
 
     python3 tests/apps/e2e_secure.py --bin build/bin [--only NAME]
 
 Signatures are made and checked here by Python's own hmac, the frames by hand; certificates come
-from tools/certs. Exit status 0: all held; 1: something did not; 77: skipped, because lcm-gen, the
-program openssl or a private network is missing on this machine.
+from tools/certs. Exit status 0: passed; 1: failed; 77: skipped, because lcm-gen, openssl or
+a private network is missing on this machine.
 """
 import hashlib
 import hmac
@@ -183,7 +183,7 @@ def signed_vehicles_are_planned_and_all_others_are_not(rig):
 
 
 def a_vehicle_without_keys_is_planned_by_a_daemon_without_keys(rig):
-    """Signed states on an open bus, and the daemon's log by another program: signatures do no harm."""
+    """Signed states are accepted on an open bus; another program reads the daemon's log."""
     signer, vehicle = Signer(1, os.urandom(32)), e2e_lcm.Vehicle(4, 40, 0)
     with Daemon(rig, rig.config(bus=URL, cycle_ms=100)) as rsu, Wire() as wire:
         def planned():
@@ -328,7 +328,7 @@ def certificates(rig, name, *participants):
 
 
 def secured(rig, papers, name="rsu.json", **changes):
-    """The daemon's configuration with the papers of `rsu`; a change replaces one of them."""
+    """The daemon's configuration with the certificates of `rsu`; a change replaces one of them."""
     security = json.loads((papers / "rsu.options.json").read_text())["dds"]["security"]
     security = {key: str(papers / path) for key, path in security.items()}
     security.update({key: str(path) for key, path in changes.items()})
@@ -392,8 +392,8 @@ class Tap:
 
 def two_participants_with_certificates_communicate_encrypted(rig):
     papers = certificates(rig, "ours")
-    # A type's name, as discovery tells it, and every vehicle's length and width beside each other.
-    # Not the topics' names: the permissions tell them, and papers are shown openly.
+    # The name of a type, as discovery sends it, and the length and width of every vehicle.
+    # Not the names of topics: the permissions contain them, and permissions are sent in the clear.
     words = (b"vehicle_state_t", struct.pack("<2f", 5.0, 2.0))
     tap = Tap()
     clear = rig.config("clear.json", bus="dds:0", cycle_ms=200, road=None, road_file=str(RAMP))
@@ -460,7 +460,7 @@ def other_participants_neither_receive_nor_send_and_the_log_says_why(rig):
             check(figure(rig, 'verge_rx_total{result="accepted"}') == 0, f"{name}: it is heard")
             began = time.monotonic()
             with Publisher(rig, ours / "vehicle.options.json") as friend:
-                # Long after the friend was heard the stranger still is not.
+                # Long after the messages of the member arrived, those of the outsider still do not.
                 wait_for(lambda: friend.plans() >= 30, f"plans for the friend, beside {name}", 40)
             check(stranger.process.poll() is None, f"{name}: it ended:\n{stranger.text()}")
             check(stranger.plans() == 0, f"{name}: it hears plans:\n{stranger.text()}")
@@ -544,7 +544,7 @@ def an_open_bus_beside_a_secured_one_gives_a_warning(rig):
     dds = {"security": {key: str(papers / path) for key, path in security.items()}}
     signed = {"keys": [{"id": 1, "file": "one.key"}]}
     near, far = URL, URL.replace("ttl=0", "ttl=1")
-    lax = papers / "lax.p7s" # secured, but whoever has no certificate gets in
+    lax = papers / "lax.p7s" # secured, but admits participants without a certificate
     subprocess.run(["sh", "-c", "sed 's,participants>false,participants>true,' governance.xml >lax.xml"
                     " && openssl smime -sign -text -in lax.xml -out lax.p7s -signer "
                     "permissions_ca.crt.pem -inkey permissions_ca.key.pem"], cwd=papers, check=True,

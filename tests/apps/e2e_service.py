@@ -1,9 +1,9 @@
-"""The daemon as a service: what it tells its manager and its log, without any bus.
+"""The daemon as a service: its notifications to the service manager and its log, without a bus.
 
     python3 tests/apps/e2e_service.py --bin build/bin [--only NAME]
 
-Every case is a function named like its claim. The bus is loop:, which needs no network: cycles
-run, and there is nobody to plan for.
+Every case is a function whose name is its claim. The bus is loop:, which needs no network: cycles
+run without vehicles.
 """
 import json
 import os
@@ -104,7 +104,7 @@ def the_log_is_text_or_json_with_the_same_pairs(rig):
     check([pair.split("=")[0] for pair in line.split(" ")] == list(ready), f"{line} {ready}")
     refused = next(d for d in documents if d["event"] == "config_refused")
     check("bogus\\" in refused["reason"], refused)
-    # The configuration may say so, too; the option goes before it.
+    # The configuration may state it, too; the option takes precedence.
     with Daemon(rig, rig.config(log_format="json")) as rsu:
         check(all(json.loads(line) for line in rsu.text().splitlines()), rsu.text())
     with Daemon(rig, rig.config(log_format="json"), "--log-format", "text") as rsu:
@@ -202,7 +202,7 @@ def reloads_leave_no_memory_behind(rig):
         for count in range(1, 9):
             rsu.signal(signal.SIGHUP)
             rsu.wait_for("event=config_applied", count)
-            time.sleep(0.3) # each is told: five lines a second at most
+            time.sleep(0.3) # each is logged: five lines a second at most
         after = resident()
         check(after < before + 3000, f"{before} KiB, after eight reloads {after} KiB")
 

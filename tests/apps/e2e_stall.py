@@ -1,9 +1,9 @@
-"""Nothing that takes its time stops the daemon: files that never end, readers that do not read,
-reloads of large roads.
+"""No slow file or reader stops the daemon: files that never end, readers that do not read, reloads
+of large roads.
 
     python3 tests/apps/e2e_stall.py --bin build/bin [--only NAME]
 
-Every case is a function named like its claim. The bus is loop:, which needs no network.
+Every case is a function whose name is its claim. The bus is loop:, which needs no network.
 """
 import fcntl
 import json
@@ -79,7 +79,7 @@ def a_file_that_is_not_regular_is_refused_at_a_reload_and_cycles_continue(rig):
 # ---- readers that do not read -------------------------------------------------------------
 
 class Piped(Daemon):
-    """A daemon whose standard error is a pipe that the test reads, or does not."""
+    """A daemon whose standard error is a pipe that the test may leave unread."""
 
     def __init__(self, rig, config, *options):
         self.reader, self.writer = os.pipe()
@@ -172,7 +172,7 @@ def an_unread_recording_stops_nothing(rig):
         reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
         rsu.wait_for("event=record_dropped")
         check(os.read(reader, 4) == b"\xed\xa1\xda\x01", "it begins with a whole event")
-        shrink(reader) # full within a second, and nobody reads on
+        shrink(reader) # full within a second, and unread from here on
         before = status(rig)["record_dropped"]
         cycles_go_on(rig, 300)
         check(status(rig)["record_dropped"] == before, "they wait, with room for minutes of it")

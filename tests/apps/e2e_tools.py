@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""The Python tools from outside: what they cannot use is one line on standard error and status 2.
+"""The Python tools: unusable input gives one line on standard error and exit status 2.
 
-Every tool is given a missing file, an empty one, a folder, a FIFO, bytes that are no text, JSON that
-is something else, a run that was cut off, and wrong arguments. None of that may end in a traceback,
-hang, or leave a file behind.
+Every tool gets a missing file, an empty one, a folder, a FIFO, bytes that are not text, JSON of
+another kind, a run that was cut off, and wrong arguments. No tool may end in a traceback, hang, or
+leave a file behind.
 Usage: e2e_tools.py --bin DIR
 """
 import argparse

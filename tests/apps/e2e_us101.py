@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Recorded traffic of US-101: planned vehicles among drivers who ignore them.
+"""Recorded traffic of US-101: controlled vehicles among recorded vehicles, which do not react.
 
 Verge plans and drives every recorded case; an independent judge finds no overlap within a plan
 document, no trajectory a car could not drive, no contact between controlled vehicles, and no
-recorded vehicle that a controlled one runs into. The number of reached intentions is printed, but no
-condition: the recorded drivers do not react, so a lane change may be impossible.
+recorded vehicle that a controlled one runs into. The number of reached intentions is printed but
+not checked: the recorded vehicles do not react, so a lane change may be impossible.
 
 The recordings are not part of the repository. The test looks for them in VERGE_SHARED/data/us101
 (default: ../shared/data/us101 beside the repository). Without them it is skipped (exit 77).

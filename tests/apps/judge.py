@@ -1,10 +1,10 @@
 """An independent judge of plan documents and runs: reads the emitted numbers only.
 
-Bodies are rectangles tested on separating axes. Motion is judged as a kinematic single-track
-vehicle about its rear axle: between two points the speed there is the cubic Hermite curve of the points'
-speeds and accelerations, and the heading that of the headings and yaw rates; every 10 ms they
-tell steering angle, acceleration and pull, and integrated they must lead to the next point.
-Figures of the bodies: core/src/body.c; a body that states its own is judged by them.
+Bodies are rectangles tested on separating axes. Motion is judged as that of a kinematic
+single-track vehicle about its rear axle. Between two points the speed is the cubic Hermite curve of
+the points' speeds and accelerations, and the heading that of the headings and yaw rates. Every
+10 ms they give steering angle and accelerations, and their integral must lead to the next point.
+The numbers of the bodies are those of core/src/body.c or those that a body states itself.
 """
 import json
 import os
@@ -73,7 +73,7 @@ def between(poses, substeps=SUBSTEPS):
 
 
 def overlap_faults(plan, sizes):
-    """Bodies of one document that overlap though nobody of them says fallback."""
+    """Bodies of one document that overlap although none of them has a fallback."""
     bodies = {v["id"]: np.array(v["trajectory"]["points"])[:, 1:4] for v in plan["vehicles"]}
     planned = [v["id"] for v in plan["vehicles"] if v["status"] == "planned"]
     fallback = set(bodies) - set(planned)

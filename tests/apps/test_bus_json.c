@@ -1,5 +1,5 @@
-/// Goal: what buses need beyond their URLs is read as written, and a mistake is told with its place.
-/// Method: whole documents in memory and in files; what is printed is read again.
+/// Goal: bus options are read as written, and a fault in them is reported with its place.
+/// Method: whole documents in memory and in files; printed options are read again.
 #include "check.h"
 #include "common/bus_json.h"
 

@@ -1,6 +1,6 @@
-/// Goal: certificates and permissions near their end are told of once a day, not before, not more
-/// often, and until they are renewed.
-/// Method: time is a number.
+/// Goal: a certificate or permission near its expiry date is reported once a day until it is
+/// renewed, and not before.
+/// Method: the test supplies the time.
 #include "check.h"
 
 #include "rsu/buses.h"

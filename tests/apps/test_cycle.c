@@ -1,7 +1,7 @@
-/// Goal: a planning cycle is a function of what was heard and of its instant; every controlled
-/// vehicle with a fresh state gets one plan; nobody's bad message costs another anything.
-/// Method: a real planner on a straight road with a small budget, synthetic states on a synthetic
-/// clock; isolation by comparing with a twin that never heard the bad messages.
+/// Goal: a planning cycle is a function of the received messages and of its instant. Every
+/// controlled vehicle with a fresh state gets one plan. A bad message changes no plan.
+/// Method: a planner on a straight road with a small budget; synthetic states on a synthetic clock;
+/// a second planner that does not receive the bad messages, for comparison.
 #include "check.h"
 #include "rng.h"
 

@@ -1,7 +1,6 @@
-/// Goal: the baselines, the bound, the traffic and the sums of verge-experiment are what their
-/// headers say.
-/// Method: cases worked by hand; exhaustive search where a search is judged; random scenes where
-/// a bound is.
+/// Goal: the baselines, the bound, the traffic and the sums of verge-experiment agree with their
+/// headers.
+/// Method: cases computed by hand; exhaustive search for the searches; random scenes for the bound.
 #include "check.h"
 #include "rng.h"
 

@@ -1,6 +1,7 @@
-/// Goal: a program reads regular files only; whatever else stands under a file's name is refused at
-/// once with what it is, and a file above the limit is refused before it fills memory. Method: real
-/// FIFOs, folders, sockets, devices and a sparse file; an alarm ends a test that waits.
+/// Goal: a program reads regular files only. A file of another kind is refused at once, and its
+/// kind is named. A file above the size limit is refused before it is read.
+/// Method: real FIFOs, folders, sockets, devices and a sparse file. An alarm ends a test that
+/// waits.
 #define _GNU_SOURCE
 #include "check.h"
 

@@ -1,8 +1,8 @@
-/// Goal: whoever wrote a wrong file reads in one line where it is wrong, what is wrong there and
-/// what was expected; what is valid JSON is read as it is.
-/// Method: tables of texts that are no JSON, each with the line and the words of its fault; tables
-/// of values of the wrong kind or range, each with its field; then the shipped kind of document
-/// with a character removed, added or replaced at every place: an answer in the promised form.
+/// Goal: the error line of a wrong file names the place, the fault and what was expected. Valid
+/// JSON is read unchanged.
+/// Method: tables of texts that are not JSON, each with the line and text of its fault; tables of
+/// values of the wrong type or range, each with its field; a document with random characters
+/// removed, added or replaced: the error line has the documented form.
 #define _GNU_SOURCE
 #include "check.h"
 #include "rng.h"

@@ -1,6 +1,6 @@
-/// Goal: a line of the log is one line whatever goes into it; in JSON it is an object with the same
-/// pairs, and always one that can be parsed, cut or not.
-/// Method: standard error is a file for the length of a line.
+/// Goal: an entry of the log is one line for any values. In JSON it is an object with the same
+/// pairs, which can be parsed also where it was cut.
+/// Method: standard error is redirected to a file for each line.
 #define _GNU_SOURCE
 #include "check.h"
 

@@ -1,6 +1,6 @@
-/// Goal: the metrics are what metrics.h says, on worlds whose figures are known.
-/// Method: vehicles are put where they are wanted by hand, tick by tick, on a straight road of
-/// two lanes; distances and times are then closed forms.
+/// Goal: the metrics agree with their definitions in metrics.h.
+/// Method: vehicles are placed by hand at each tick on a straight road of two lanes, so that
+/// distances and times are closed forms.
 #include "check.h"
 #include "rng.h"
 

@@ -1,5 +1,5 @@
-/// Goal: the service manager hears each line, at a path or an abstract name; one that does not
-/// listen, or whose name is unusable, costs nothing, no time above all.
+/// Goal: the service manager receives each line, at a path or an abstract name. A manager that does
+/// not read, or an unusable name, does not block the daemon.
 /// Method: real sockets in place of the manager's; an alarm ends a test that waits.
 #define _GNU_SOURCE
 #include "check.h"

@@ -1,5 +1,5 @@
-/// Goal: a command line means one thing: options in any order, with their value after a space or
-/// "=", one argument or none; what is wrong is one line on standard error and the status asked for.
+/// Goal: options are accepted in any order, with their value after a space or "=", and with one
+/// argument or none. A fault gives one line on standard error and the given exit status.
 /// Method: tables of command lines; standard error is read back from a file.
 #define _GNU_SOURCE
 #include "check.h"

@@ -1,6 +1,6 @@
-/// Goal: putting never waits, whatever the writer does; what is written is whole and in order; what
-/// is not is counted; closing waits for as long as it is told and no longer.
-/// Method: a writer that the test opens and shuts like a tap.
+/// Goal: putting a record never waits for the writer. Written records are complete and in order,
+/// dropped ones are counted. Closing waits up to the given time.
+/// Method: a writer that the test blocks and releases.
 #define _GNU_SOURCE
 #include "check.h"
 

@@ -1,5 +1,5 @@
-/// Goal: an output file is there whole or not at all.
-/// Method: in a folder of its own, look at what is there before, during and after.
+/// Goal: an output file is complete or absent.
+/// Method: the content of an own folder is compared before, during and after.
 #include "check.h"
 
 #include "common/output.h"

@@ -1,5 +1,5 @@
-/// Goal: the fallback of a late cycle brakes on any road: its speed never grows, and its points are as
-/// far apart as its speeds say, also beside the centreline of a bend.
+/// Goal: the fallback of a late cycle brakes on any road. Its speed never grows, and the distances
+/// between its points agree with its speeds, also beside the centreline of a bend.
 /// Method: circles of many radii to both sides, states at many offsets, headings and speeds.
 #include "check.h"
 

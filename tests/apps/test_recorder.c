@@ -1,6 +1,6 @@
-/// Goal: recording never waits for its file; what is in the file are whole events in order, what is
-/// not is counted; a full disk ends it, a reader that comes back does not.
-/// Method: FIFOs that the test reads or does not, /dev/full; an alarm ends a test that waits.
+/// Goal: recording never waits for its file. The file holds complete events in order; dropped ones
+/// are counted. A full disk ends the recording, a reader that pauses does not.
+/// Method: FIFOs that the test reads or does not read, /dev/full; an alarm ends a test that waits.
 #define _GNU_SOURCE
 #include "check.h"
 

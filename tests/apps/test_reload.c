@@ -1,7 +1,7 @@
-/// Goal: a reload is made while the caller goes on, and takes effect when the caller says so; what
-/// is asked for meanwhile happens once, after it; whatever is wrong with the new configuration, the
-/// one in effect stays as it is. Method: real configurations on loop:, of which the tests write the
-/// next one; the caller's part is measured in processor time, which a busy machine does not change.
+/// Goal: a reload runs in a thread of its own and takes effect when the caller installs it. Reloads
+/// requested meanwhile run once after it. A wrong configuration leaves the one in effect unchanged.
+/// Method: real configurations on loop:, written by the tests; the work of the caller is measured
+/// in processor time, which does not depend on the load of the machine.
 #define _GNU_SOURCE
 #include "check.h"
 

@@ -1,6 +1,6 @@
 /// Goal: a log gives the same plans at every replay, at multiples of the cycle, and a
 /// difference is found at the cycle where it begins.
-/// Method: logs written here, of vehicles that drive straight on, with and without the daemon's
+/// Method: logs written here, of vehicles that drive straight ahead, with and without the daemon's
 /// marks; replayed with one thread and with three.
 #include "check.h"
 

@@ -1,7 +1,7 @@
-/// Goal: a scenario that is right is read as it stands, and one that is wrong is refused with one
-/// line that names the place.
-/// Method: one good document; every refusal changes one spot of it. Then damaged documents by
-/// the thousand, and the document written and read again.
+/// Goal: a valid scenario is read unchanged, and a wrong one is refused with one line that names
+/// the place.
+/// Method: one good document, changed in one place for each refusal; thousands of damaged
+/// documents; the document written and read again.
 #include "check.h"
 #include "rng.h"
 

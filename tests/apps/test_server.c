@@ -1,7 +1,7 @@
-/// Goal: a server answers whoever asks, waits for nobody, and leaves no socket behind; a file is
-/// replaced as a whole or not at all.
-/// Method: clients in the same thread on real sockets, served step by step; clients that ask in
-/// pieces, too much, nothing, or do not read; time is a number.
+/// Goal: a server answers each client, waits for none, and removes its socket at the end. A file is
+/// replaced completely or not at all.
+/// Method: clients in the same thread on real sockets, served step by step; clients that send
+/// pieces, too much or nothing, or do not read; the test supplies the time.
 #define _GNU_SOURCE
 #include "check.h"
 

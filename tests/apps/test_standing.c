@@ -1,7 +1,7 @@
 /// Goal: a vehicle that stands has a cause where another vehicle is not behind it or its lane ends
 /// within view, along whatever lanes lead on; none elsewhere.
-/// Method: one vehicle put by hand on a road of lanes in sequence, a lane that ends beside them, and
-/// a ring; the distance to the end is a closed form.
+/// Method: one vehicle placed by hand on a road of lanes in sequence, on a lane that ends beside
+/// them, and on a ring; the distance to the end is a closed form.
 #include "check.h"
 
 #include "common/standing.h"

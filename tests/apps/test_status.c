@@ -1,7 +1,6 @@
-/// Goal: no fault hides another: every active one is listed, the worst first, in the status for
-/// programs, in the figures and in words; a fault ends when its time is over, a lasting one when it
-/// is cleared.
-/// Method: all 128 sets of faults; time is a number.
+/// Goal: every active fault is listed, the worst first, in the status message, in the metrics and
+/// in the text. A fault ends when its time is over, a lasting one when it is cleared.
+/// Method: all 128 sets of faults; the test supplies the time.
 #include "check.h"
 
 #include "rsu/report.h"

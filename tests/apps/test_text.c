@@ -1,7 +1,7 @@
-/// Goal: an answer is built without the heap, is JSON whatever goes into it, and says when it did
-/// not fit; a message in JSON has every field and fits the room it is given.
-/// Method: texts of every length around the room's end, all characters, the largest messages;
-/// parsed again by the JSON reader of the programs.
+/// Goal: a text is built without the heap, is valid JSON for any content, and is marked where it
+/// did not fit. A message in JSON has every field and fits its buffer.
+/// Method: texts of every length around the size of the buffer, all characters, the largest
+/// messages; the JSON reader of the programs parses them.
 #include "check.h"
 
 #include "common/json.h"

@@ -1,6 +1,6 @@
-/// Goal: a job runs in a thread of its own, one at a time, and its end shows on a descriptor once;
-/// the caller is never held up; destroying waits for the job.
-/// Method: jobs that wait for the test to open a gate.
+/// Goal: a job runs in a thread of its own, one at a time, and its end is signalled once on a
+/// descriptor. The caller is never blocked. Destroying waits for the job.
+/// Method: jobs that wait until the test releases them.
 #define _GNU_SOURCE
 #include "check.h"
 

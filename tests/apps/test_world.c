@@ -1,4 +1,4 @@
-/// Goal: the closed loop moves everyone as world.h says.
+/// Goal: the closed loop moves every vehicle as world.h states.
 /// Method: plans written by hand, tracks and road ends on a straight road of two lanes.
 #include "check.h"
 #include "rng.h"

@@ -1,6 +1,6 @@
 #!/bin/bash
-# Claim: the installed library is enough. Programs in C and in C++ find it both ways, by
-# pkg-config and by find_package(verge), build without a warning and run, wherever it was put.
+# Claim: an application needs only the installed library. Programs in C and in C++ find it by
+# pkg-config and by find_package(verge), build without a warning and run, in any install folder.
 #
 #     consumer.sh SOURCE_DIR BUILD_DIR WORK_DIR
 set -euo pipefail

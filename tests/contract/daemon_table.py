@@ -1,6 +1,6 @@
 """Does every test that daemon.md names exist?
 
-    python3 tests/contract/daemon.py SOURCE_FOLDER
+    python3 tests/contract/daemon_table.py SOURCE_FOLDER
 """
 import pathlib
 import re

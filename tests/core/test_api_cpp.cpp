@@ -1,4 +1,4 @@
-// The interface from C++17: one include, no casts, no surprises.
+// The interface from C++17: one include and no casts.
 #include "verge/verge.h"
 
 #include <cstdint>

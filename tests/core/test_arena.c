@@ -1,4 +1,4 @@
-/// Goal: memory comes aligned, zeroed and disjoint; what is measured is what is needed.
+/// Goal: blocks are aligned, zeroed and disjoint; the measured size is the size that is needed.
 #include "base/arena.h"
 #include "check.h"
 #include "rng.h"

@@ -1,4 +1,4 @@
-/// Goal: the evaluation of eight candidates at a time says of each what the straight formulas say.
+/// Goal: the evaluation of eight candidates at a time gives the results of the direct formulas.
 /// Method: costs against vg_leg_cost(), which knows no pruning; marks against limits written out
 /// again; absent alarms against polygons every 10 ms and against the exact contact test.
 #include "candidates.h"

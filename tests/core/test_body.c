@@ -1,7 +1,7 @@
-/// Goal: every vehicle has the axles and limits of its kind and size, and a body that cannot be is
-/// named by its field.
+/// Goal: every vehicle has the axles and limits of its kind and size. An impossible body is refused
+/// and its field named.
 /// Method: the table of ranges against each body; the turning ring of Directive 96/53/EC by the
-/// formulas of steady-state turning, written here on their own.
+/// formulas of steady-state turning, written again here.
 #include "check.h"
 #include "rng.h"
 #include "verge/planner.h"

@@ -1,5 +1,5 @@
-/// Goal: the decision asks no vehicle for more than its body can, and a trailer counts by its
-/// length behind.
+/// Goal: no decision exceeds the limits of a body, and the length of a trailer counts behind its
+/// vehicle.
 /// Method: moves of single vehicles on straight lanes; changes beside a trailer.
 #include "stage.h"
 

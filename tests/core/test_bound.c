@@ -1,4 +1,4 @@
-/// The bound is never below what a plan earns, and near to it where a vehicle is alone.
+/// The bound is never below the reward of a plan, and near to it where a vehicle is alone.
 #include "decide.h"
 
 #include "decide/bound.h"

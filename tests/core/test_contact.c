@@ -1,4 +1,4 @@
-/// Goal: no contact of two moving bodies is missed, and what is reported is nearly one.
+/// Goal: no contact of two moving bodies is missed, and each reported one is at least nearly one.
 /// Method: random pairs of tracks against polygons clipped at 60 instants of each step
 /// (strict.h); single cases for the rules about contacts that exist at the start.
 #include "check.h"

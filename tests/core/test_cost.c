@@ -1,6 +1,6 @@
-/// Goal: the cost of a trajectory is the one of the paper.
-/// Method: the cost of random legs against a slow reading of it: Eq. 6 with finite differences in
-/// time, Eq. 7 to 9 term by term with bodies as corner points.
+/// Goal: the cost of a trajectory is that of the paper.
+/// Method: the cost of random legs against the equations written out: Eq. 6 with finite differences
+/// in time, Eq. 7 to 9 term by term with bodies as corner points.
 #include "candidates.h"
 #include "check.h"
 #include "room.h"

@@ -1,6 +1,6 @@
-/// Goal: a fallback can be driven, gets slower, and is the gentlest one that meets nobody.
-/// Method: the fallback is asked for directly in single and random scenes; strict.h judges motion
-/// and contacts, a closed form says how far a braking takes.
+/// Goal: a fallback can be driven, slows down, and is the gentlest one without a contact.
+/// Method: the fallback is called directly in single and random scenes; strict.h judges motion and
+/// contacts; braking distances are closed forms.
 #include "check.h"
 #include "motion/workspace.h"
 #include "rng.h"

@@ -1,6 +1,6 @@
-/// Goal: the speed behind others is the one from which the standstill gap can just be kept.
+/// Goal: the speed behind other vehicles is the highest one that still keeps the standstill gap.
 /// Method: random starts and leaders on straight and bent lanes; the profile to that speed, then
-/// the braking after it, add up to the room there is, by the profile's own positions.
+/// the braking after it, add up to the free distance, by the profile's own positions.
 #include "check.h"
 #include "rng.h"
 #include "scene.h"

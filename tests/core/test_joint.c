@@ -1,6 +1,6 @@
-/// Goal: the trajectories of one plan fit together, whoever computed them in which order.
-/// Method: vehicles decided into the same place; random flocks; executors that run the tasks
-/// backwards and on threads.
+/// Goal: the trajectories of one plan do not touch each other, in any order of computation.
+/// Method: vehicles whose decisions lead to the same place; random groups; executors that run the
+/// tasks backwards and on threads.
 #include "check.h"
 #include "rng.h"
 #include "scene.h"

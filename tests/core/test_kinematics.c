@@ -1,4 +1,4 @@
-/// Goal: a leg's motion is that of a car: what the formulas say follows from the positions.
+/// Goal: the motion of a leg is that of a car: the formulas agree with the positions.
 /// Method: profiles by their own derivatives, their limits and disturbed ones; the rear axle by
 /// differences of its positions in time, and by a bicycle that is integrated with the leg's
 /// curvature and speed; limits by single motions that break one of them.

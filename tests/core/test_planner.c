@@ -1,4 +1,4 @@
-// The planner as its caller sees it: memory, refusals, and what every plan must hold.
+// The planner through its public interface: memory, refusals, and the properties of every plan.
 #include "check.h"
 #include "rng.h"
 

@@ -1,7 +1,7 @@
 /// Goal: from any survey a road with smooth lines near it, on which positions, neighbours,
 /// followers, routes and conflicts are found.
-/// Method: random roads for what must hold of all; small roads drawn by hand for relations;
-/// hostile surveys for what must never happen.
+/// Method: random roads for the properties of every road; small roads drawn by hand for relations;
+/// noisy and malformed surveys for robustness.
 #include "check.h"
 #include "motion/path.h"
 #include "rng.h"

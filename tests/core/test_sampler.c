@@ -1,6 +1,6 @@
-/// Goal: every trajectory can be driven, begins where the vehicle is, and touches nobody.
-/// Method: a judge of its own (strict.h) over random scenes; single cases for what is special:
-/// standstill, stops, starts, slow changes, dead ends, overlaps, fallbacks.
+/// Goal: every trajectory can be driven, begins at the state of its vehicle, and touches no body.
+/// Method: an independent judge (strict.h) over random scenes; single cases for standstill, stops,
+/// starts, slow changes, dead ends, overlaps and fallbacks.
 #include "check.h"
 #include "rng.h"
 #include "scene.h"

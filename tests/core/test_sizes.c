@@ -1,4 +1,4 @@
-/// Goal: the bytes that headers and pages state are the bytes that the structures have.
+/// Goal: the sizes that headers and pages state are the sizes of the structures.
 /// Method: the sentences are read from the files and compared with sizeof and with the functions
 ///         that size memory, with the default capacities and parameters.
 #include "check.h"

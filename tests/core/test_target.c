@@ -1,7 +1,7 @@
-/// Goal: the candidates of a segment lie around what was decided, and reach down to the hardest
-/// braking there is.
-/// Method: what each candidate promises is read from its profile and its link: end speed, end
-/// offset, first jerk; leaders, limits and bends by single scenes.
+/// Goal: the candidates of a segment lie around the decided state and reach down to the hardest
+/// braking.
+/// Method: end speed, end offset and first jerk of each candidate are read from its profile and its
+/// link; leaders, limits and bends by single scenes.
 #include "check.h"
 #include "motion/follow.h"
 #include "motion/target.h"

@@ -1,5 +1,5 @@
 #!/bin/bash
-# Claim: the variants run.sh built agree with each other, whatever the golden digests say.
+# Claim: the variants that run.sh built agree with each other, independently of the golden digests.
 #
 #     agree.sh WORK_DIR
 #

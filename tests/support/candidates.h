@@ -1,5 +1,4 @@
-/// The candidates of one segment in random traffic: what the tests of their cost and of their
-/// evaluation work on.
+/// The candidates of one segment in random traffic, for the tests of cost and evaluation.
 #ifndef CANDIDATES_H
 #define CANDIDATES_H
 

@@ -1,5 +1,5 @@
 /// The decision of a search on a stage, with the flow at every step and as public action steps, for
-/// tests of what is made of decisions.
+/// tests of the stages that read decisions.
 #ifndef TEST_DECIDE_H
 #define TEST_DECIDE_H
 

@@ -4,7 +4,7 @@
 #     tests/support/in_network.sh COMMAND [ARGUMENT...]
 #     tests/support/in_network.sh --possible            exit 0 where that works on this machine
 #
-# Tests of the bus neither hear nor disturb anyone else that way, and run in parallel.
+# Tests of the bus are isolated from other traffic by it, and can run in parallel.
 # Exit status: the command's; 77 (skipped) where the kernel refuses a private network.
 if unshare -rn true 2>/dev/null; then
     private='unshare -rn'

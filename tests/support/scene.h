@@ -1,4 +1,4 @@
-/// A road, a planned vehicle or several, and others: what the sampler's tests plan in.
+/// A road with planned vehicles and others, for the tests of the sampler.
 /// Roads are three concentric lanes (index 0 the rightmost) of any radius, or straight ones.
 #ifndef SCENE_H
 #define SCENE_H

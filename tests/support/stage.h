@@ -1,5 +1,5 @@
-/// Straight parallel lanes with vehicles on them, below the planner's interface: what the tests
-/// of flow and search play on. Lane i has the id i and lies at y = i * width, lane 0 rightmost.
+/// Straight parallel lanes with vehicles on them, below the planner's interface, for the tests of
+/// flow and search. Lane i has the id i and lies at y = i * width, lane 0 rightmost.
 ///
 ///     stage* at = stage_open(3, 500.0);
 ///     at->def.steps = 3;                            // before stage_begin()

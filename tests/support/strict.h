@@ -1,7 +1,7 @@
-/// A judge of trajectories that shares nothing with the planner: it reads the emitted points
-/// only, moves them to the rear axle, joins them by quintic Hermite curves and asks at every
-/// 10 ms what the wheels of a kinematic single-track vehicle would have to do. Bodies are tested by
-/// clipping polygons.
+/// A judge of trajectories that shares no code with the planner. It reads the emitted points only,
+/// moves them to the rear axle, joins them by quintic Hermite curves and computes every 10 ms the
+/// steering and acceleration that a kinematic single-track vehicle would need. Bodies are tested
+/// by clipping polygons.
 #ifndef STRICT_H
 #define STRICT_H
 

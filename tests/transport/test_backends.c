@@ -1,7 +1,6 @@
-/// Goal: every bus keeps the same promises, and a bus that is missing or goes away is an answer,
-///       not an accident.
-/// Method: one body of cases run on loop:, lcm:, dds: and log:; then what is special about each, with
-///         networks made for the purpose (a child process in a network of its own).
+/// Goal: all buses behave alike, and a bus that is missing or goes away gives a documented error.
+/// Method: the same cases run on loop:, lcm:, dds: and log:; then the properties of each bus, in
+///         private networks (a child process in a network namespace of its own).
 #include "check.h"
 #include "codec.h"
 #include "rng.h"

@@ -1,6 +1,6 @@
-/// Goal: each trouble of a bus is told at once and then seldom, a flood costs neither memory nor the
-///       log, and lines of several threads are whole.
-/// Method: a clock of the test's own.
+/// Goal: each fault of a bus is logged at once and then at a limited rate, many faults use bounded
+///       memory and few lines, and lines of several threads are not mixed.
+/// Method: the test supplies the time.
 #include "check.h"
 #include "complaints.h"
 

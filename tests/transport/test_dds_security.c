@@ -1,5 +1,5 @@
-/// Goal: files that cannot work are refused before the middleware sees them, with the field, the
-///       path, the reason and the remedy; what tools/certs makes is good.
+/// Goal: unusable files are refused before the middleware reads them, with the field, the path,
+///       the reason and the remedy; certificates of tools/certs are accepted.
 /// Method: two sets of certificates with the same names by tools/certs, and one thing wrong at a
 ///         time, made with OpenSSL's program.
 #include "check.h"

@@ -1,7 +1,7 @@
-/// Goal: whatever arrives on the bus, the good messages arrive too, all else is counted, and
-///       nothing that is not finite and in range reaches the planner.
-/// Method: floods of random, mutated, truncated, oversized and foreign datagrams between good
-///         ones, with an account that must balance; then an attacker who knows the checksum.
+/// Goal: any traffic on the bus leaves the good messages intact; all other messages are counted,
+///       and only finite values in range reach the planner.
+/// Method: many random, mutated, truncated, oversized and foreign datagrams between good ones,
+///         with counts that must add up; then forged messages with a correct checksum.
 /// This test is run under valgrind as well: there a read of one byte too many is an error.
 #include "check.h"
 #include "codec.h"

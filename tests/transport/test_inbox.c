@@ -1,7 +1,7 @@
-/// Goal: the inbox accepts what is new, timely, sane and possible, tells each refusal apart, and
-///       gives the planner every vehicle at one instant, by age.
-/// Method: each rule at its exact border; then floods of random good and bad states, where a
-///         refused one must leave no trace but its counter.
+/// Goal: the inbox accepts states that are new, timely and in range, counts each refusal by its
+///       reason, and gives the planner every vehicle at one instant, by age.
+/// Method: each rule at its exact limit; then many random good and bad states, where a refused one
+///         changes only its counter.
 #include "check.h"
 #include "rng.h"
 #include "verge/inbox.h"

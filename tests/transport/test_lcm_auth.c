@@ -1,7 +1,7 @@
-/// Goal: on an lcm: bus with an allow list or keys only the right messages get through, each once,
-///       and whatever does not is counted under its cause and told.
-/// Method: HMAC against the vectors of RFC 4231; the trailer by hand; then real sockets: what a
-///         good sender says is caught on the wire, changed, and sent again by others.
+/// Goal: an lcm: bus with an allow list or keys accepts only allowed or signed messages, each once,
+///       and counts and logs every other one under its cause.
+/// Method: HMAC against the vectors of RFC 4231; the trailer by hand; then real sockets: messages
+///         of a good sender are captured on the wire, changed, and sent again from other addresses.
 #include "check.h"
 #include "codec.h"
 #include "lcm_auth.h"

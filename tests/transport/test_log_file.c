@@ -1,6 +1,6 @@
-/// Goal: only a regular file is read as a log, and nothing that stands under its name keeps the
-/// reader waiting; a recording opens on a FIFO without a reader, loses what nobody reads, counts
-/// it, and goes on when a reader comes.
+/// Goal: only a regular file is read as a log, and a file of another kind does not block the
+/// reader. A recording opens on a FIFO without a reader, counts the events it loses, and continues
+/// when a reader comes.
 /// Method: real FIFOs, folders and devices; an alarm ends a test that waits.
 #define _GNU_SOURCE
 #include "check.h"

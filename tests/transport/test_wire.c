@@ -1,4 +1,5 @@
-/// Goal: a message is exactly the bytes that verge.lcm says, and no value out of range is accepted.
+/// Goal: a message has exactly the bytes that verge.lcm defines, and no value out of range is
+///       accepted.
 /// Method: the encoding is written out again by hand, field by field, and compared byte by byte;
 ///         each field of a good message is pushed over each of its limits, one at a time.
 #include "check.h"

@@ -103,12 +103,15 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road, ve
     scene->road = road;
     scene->vehicle_count = vehicle_count;
     scene->vehicles = vehicles;
+    const uint64_t controlled = vg_scene_controlled(scene);
+    if (vg_bits(controlled) > self->def.controlled_max) {
+        return VERGE_ERR_CAPACITY;
+    }
     for (uint32_t i = 0; i < vehicle_count; ++i) {
         scene->positions[i] = position_of(road, &vehicles[i]);
     }
     vg_flow* next = &self->flows[1];
-    vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene,
-                  vg_scene_controlled(scene));
+    vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
     vg_model_free_humans(self->model, &self->flows[0]);
     vg_flow_follow(self->model, &self->flows[0], dt, next);
     for (uint32_t i = 0; i < vehicle_count; ++i) {

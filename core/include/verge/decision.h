@@ -92,7 +92,7 @@ const verge_vehicle_decision* verge_decision_of(const verge_decision* decision, 
 
 /// What was decided before, so that the next decision keeps to it unless a better one pays
 /// (verge_planner_def.switch_margin). Zero-filled: nothing yet. The caller keeps it from step to
-/// step; verge_decide() reads and replaces it.
+/// step; verge_decide() reads and replaces it. One with counts beyond the capacities is ignored.
 typedef struct verge_commitment {
     uint64_t decisions;     ///< made so far: each draws from a random stream of its own
     int64_t  utime;         ///< [us] when the actions below were decided first

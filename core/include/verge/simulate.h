@@ -20,7 +20,8 @@ verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* d
 /// drive at the limit, behind the vehicle ahead, which may be controlled; off the road, and where a
 /// value is out of the range of verge_scene_place(), straight on. Controlled vehicles are left as
 /// they are. vehicles: any order.
-/// @retval VERGE_ERR_CAPACITY, VERGE_ERR_DEF (dt out of range)  nothing is changed
+/// @retval VERGE_ERR_CAPACITY  more vehicles, or controlled vehicles, than the def holds
+/// @retval VERGE_ERR_DEF       dt is out of range; in both no vehicle is moved
 verge_status verge_humans_advance(verge_humans* humans, const verge_road* road, verge_vehicle* vehicles,
                                   uint32_t vehicle_count, double dt);
 

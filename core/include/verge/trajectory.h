@@ -64,10 +64,12 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
 /// Fills one track for each vehicle of the scene (section 3.2.2). Vehicles with a decision move as
 /// decided; all others keep their lane behind the vehicle ahead (IDM), and go on across their lane
 /// as measured until the next centre. Trailers follow their vehicles. decision: null where nothing
-/// is decided.
+/// is decided; decisions of vehicles that are not in the scene or not on its road are ignored.
 /// @retval VERGE_ERR_CAPACITY  more vehicles, or vehicles and trailers, than the def or the tracks
-///                             hold; nothing is changed
-/// @retval VERGE_ERR_DEF       the decision names an unknown lane or action, or is not finite
+///                             hold; or more decisions than vehicles_max of the decision
+/// @retval VERGE_ERR_DEF       the decision of a vehicle has no steps, steps that do not follow one
+///                             another, an unknown lane or action, or a number out of range; in both
+///                             the tracks are unchanged
 verge_status verge_predict(verge_predictor* predictor, const verge_scene* scene,
                            const verge_decision* decision, verge_tracks* tracks);
 
@@ -138,13 +140,16 @@ verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def
 
 /// Plans the trajectory of the vehicle that `decision` names. It is always filled: where no sampled
 /// trajectory is acceptable, with a fallback that says why.
-/// tracks: one for each vehicle of the scene, in its order, then those of trailers; the vehicle's own
-/// and that of its trailer are not looked at.
-/// before: the vehicle's last plan, so that a lane change under way goes on, or null.
-/// @retval VERGE_ERR_VEHICLE   the scene does not hold the vehicle
+/// tracks: one for each vehicle of the scene, in its order, then those of trailers; with the points
+/// and point_s of this sampler's def. Of the vehicle's own track only what verge_track_begin() sets
+/// counts, and `trailer`; of its trailer's track nothing does.
+/// before: the vehicle's last plan, so that a lane change under way goes on, or null; not `plan`.
+/// @retval VERGE_ERR_VEHICLE   the scene does not hold the vehicle as a controlled one; or a track is
+///                             not that of the scene's vehicle, or is not finite, or the vehicle's
+///                             own has another size
 /// @retval VERGE_ERR_CAPACITY  the tracks do not fit the scene
-/// @retval VERGE_ERR_DEF       the decision names an unknown lane or action, is not finite or is
-///                             shorter than the planning horizon; in all three the plan is unchanged
+/// @retval VERGE_ERR_DEF       the decision is one that verge_predict() refuses, or is shorter than
+///                             the planning horizon; in all three the plan is unchanged
 verge_status verge_plan_vehicle(verge_sampler* sampler, const verge_scene* scene,
                                 const verge_vehicle_decision* decision, const verge_tracks* tracks,
                                 const verge_vehicle_plan* before, verge_vehicle_plan* plan);

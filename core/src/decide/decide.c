@@ -89,11 +89,15 @@ verge_status verge_decide(verge_decider* self, const verge_scene* scene,
                           verge_commitment* commitment, verge_decision* decision)
 {
     VERGE_ASSERT(self != NULL && scene != NULL && commitment != NULL && decision != NULL);
+    // Before any set of vehicles, which has 64 bits.
+    if (scene->vehicle_count > self->def.vehicles_max) {
+        return VERGE_ERR_CAPACITY;
+    }
     const uint64_t controlled = vg_scene_controlled(scene);
     const uint32_t most = self->def.controlled_max < decision->vehicles_max
                               ? self->def.controlled_max
                               : decision->vehicles_max;
-    if (scene->vehicle_count > self->def.vehicles_max || vg_bits(controlled) > most) {
+    if (vg_bits(controlled) > most) {
         return VERGE_ERR_CAPACITY;
     }
     vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
@@ -152,7 +156,8 @@ static bool recall(const verge_decider* self, const verge_scene* scene,
     const double step_s = self->def.step_s;
     const double age = vg_seconds_between(commitment->utime, scene->utime);
     bool any = false;
-    if (!(age >= 0.0 && age < 100.0)) {
+    if (!(age >= 0.0 && age < 100.0) || commitment->step_count > VERGE_STEPS_MAX
+        || commitment->vehicle_count > VERGE_CONTROLLED_MAX) {
         return false;
     }
     sequence->step_count = self->def.steps;

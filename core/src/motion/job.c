@@ -4,9 +4,16 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "motion/segments.h"
+#include "motion/trailer.h"
 
 #include <string.h>
 
+// No track leads this far. [m], also [m/s] and [1]
+static const double track_max = 1e8;
+// Rounding of a body's size by whoever filled its track. [m]
+static const double size_slack = 1e-6;
+// No vehicle steers as sharply as this: such a curvature of the last trajectory is not used. [1/m]
+static const double curvature_max = 100.0;
 // A vehicle this near to its last trajectory follows it. [m]
 static const double on_plan = 0.3;
 // Deceleration beyond which the brake lights are on: more than lifting the foot does. [m/s^2]
@@ -80,7 +87,9 @@ static double known_curvature(const verge_planner_def* def, const verge_vehicle*
         return 0.0;
     }
     const uint32_t k = (uint32_t)(age + 0.5);
-    return on_trajectory(v, before, k) ? before->points[k].curvature : 0.0;
+    const bool known = on_trajectory(v, before, k)
+                       && vg_abs(before->points[k].curvature) <= curvature_max;
+    return known ? before->points[k].curvature : 0.0;
 }
 
 static bool on_trajectory(const verge_vehicle* v, const verge_vehicle_plan* before, uint32_t k)
@@ -212,6 +221,42 @@ verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def
     return *sampler == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
 }
 
+static bool track_holds(const verge_track* track, uint32_t points)
+{
+    bool holds = track->half_length >= 0.0 && track->half_length <= track_max
+                 && track->half_width >= 0.0 && track->half_width <= track_max;
+    for (uint32_t k = 0; k < points; ++k) {
+        holds = holds && vg_abs(track->x[k]) <= track_max && vg_abs(track->y[k]) <= track_max
+                && vg_abs(track->cos_heading[k]) <= track_max
+                && vg_abs(track->sin_heading[k]) <= track_max && vg_abs(track->speed[k]) <= track_max;
+    }
+    return holds;
+}
+
+// The own track says how large the body is that has to fit between the others.
+static bool own_track_holds(const verge_track* track, const verge_vehicle* vehicle)
+{
+    verge_track begun;
+    verge_track_begin(&begun, vehicle);
+    return vg_abs(track->half_length - begun.half_length) <= size_slack
+           && vg_abs(track->half_width - begun.half_width) <= size_slack;
+}
+
+// A track that is not finite would be a body that nothing ever meets. Tracks in another order would hide
+// one vehicle and put the planned vehicle's own body in its path.
+static bool tracks_hold(const verge_tracks* tracks, const verge_scene* scene, uint32_t own,
+                        uint32_t points)
+{
+    const uint32_t trailer = vg_trailer_of(tracks, own);
+    bool holds = own_track_holds(&tracks->of[own], &scene->vehicles[own]);
+    for (uint32_t i = 0; i < tracks->count; ++i) {
+        const verge_track* track = &tracks->of[i];
+        holds = holds && (i >= scene->vehicle_count || track->vehicle_id == scene->vehicles[i].id)
+                && (i == own || i == trailer || track_holds(track, points));
+    }
+    return holds;
+}
+
 verge_status verge_plan_vehicle(verge_sampler* self, const verge_scene* scene,
                                 const verge_vehicle_decision* decision, const verge_tracks* tracks,
                                 const verge_vehicle_plan* before, verge_vehicle_plan* plan)
@@ -219,13 +264,16 @@ verge_status verge_plan_vehicle(verge_sampler* self, const verge_scene* scene,
     VERGE_ASSERT(self != NULL && scene != NULL && decision != NULL && tracks != NULL && plan != NULL);
     VERGE_ASSERT(before != plan);
     const int32_t index = verge_scene_find(scene, decision->vehicle_id);
-    if (index < 0) {
+    if (index < 0 || !scene->vehicles[index].controlled) {
         return VERGE_ERR_VEHICLE;
     }
     const uint32_t trailer = tracks->count < scene->vehicle_count ? 0 : tracks->of[index].trailer;
     if (tracks->count < scene->vehicle_count || tracks->count > VERGE_VEHICLES_MAX
         || trailer >= tracks->count) {
         return VERGE_ERR_CAPACITY;
+    }
+    if (!tracks_hold(tracks, scene, (uint32_t)index, self->def.points)) {
+        return VERGE_ERR_VEHICLE;
     }
     if (!vg_job_begin(&self->job, &self->def, scene, (uint32_t)index, decision, before, plan)) {
         return VERGE_ERR_DEF;

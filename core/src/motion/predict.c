@@ -109,6 +109,10 @@ verge_status verge_predict(verge_predictor* self, const verge_scene* scene,
     VERGE_ASSERT(self != NULL && scene != NULL && tracks != NULL);
     const verge_planner_def* def = &self->def;
     const uint32_t count = scene->vehicle_count;
+    if (count > def->vehicles_max // before any set of vehicles, which has 64 bits
+        || (decision != NULL && decision->vehicle_count > decision->vehicles_max)) {
+        return VERGE_ERR_CAPACITY;
+    }
     const uint64_t decided = decided_vehicles(scene, decision);
     const uint32_t bodies = vg_scene_bodies(scene);
     if (bodies > def->vehicles_max || bodies > tracks->tracks_max || vg_bits(decided) > def->controlled_max) {

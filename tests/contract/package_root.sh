@@ -18,7 +18,12 @@ command -v debootstrap >/dev/null || skip "debootstrap is missing"
 unshare -n true 2>/dev/null || skip "this machine refuses a private network"
 
 root=$work/root
-rm -rf "$work"
+# debootstrap mounts /proc in there, and a run that was killed leaves it mounted.
+remove() {
+    umount "$root/proc" "$root/sys" 2>/dev/null || true
+    rm -rf --one-file-system "$@"
+}
+remove "$work"
 mkdir -p "$work"
 mirror=$(awk '/^URIs:/ { print $2; exit } /^deb / { for (i = 2; i <= NF; i++)
     if ($i ~ /^http/) { print $i; exit } }' /etc/apt/sources.list.d/*.sources \
@@ -26,7 +31,7 @@ mirror=$(awk '/^URIs:/ { print $2; exit } /^deb / { for (i = 2; i <= NF; i++)
 debootstrap --variant=minbase bookworm "$root" "${mirror:-http://deb.debian.org/debian}" \
     >"$work/debootstrap.log" 2>&1 ||
     skip "no fresh Debian to be had: $(tail -1 "$work/debootstrap.log")"
-trap 'rm -rf "$root"' EXIT
+trap 'remove "$root"' EXIT
 
 cpack --config "$build_dir/CPackConfig.cmake" -B "$root/packages" >"$work/cpack.log" 2>&1 ||
     { cat "$work/cpack.log"; exit 1; }

@@ -781,6 +781,64 @@ static void test_every_broken_road_is_refused_with_its_reason(void** state)
     world_free(w);
 }
 
+static void test_questions_about_no_lane_have_answers(void** state)
+{
+    (void)state;
+    world* w = two_lanes();
+    build(w);
+    const verge_road* road = w->road;
+    static const int32_t unknown[] = { 2, -1, -7, 1 << 30, INT32_MIN };
+    for (uint32_t i = 0; i < sizeof unknown / sizeof unknown[0]; ++i) {
+        const int32_t id = unknown[i];
+        double x = 1.0, y = 2.0, heading = 3.0;
+        assert_false(verge_road_at(road, id, 1.0, 0.0, &x, &y, &heading));
+        assert_true(x == 1.0 && y == 2.0 && heading == 3.0);
+        assert_int_equal(verge_road_project_on(road, id, 1.0, 0.0).lane_id, VERGE_NO_LANE);
+        assert_int_equal(verge_road_project(road, 1.0, 0.0, 0.0, id).lane_id, 0);
+        assert_true(verge_road_length(road, id) == 0.0 && verge_road_width(road, id) == 0.0);
+        assert_true(verge_road_speed_limit(road, id) == 0.0 && verge_road_deviation(road, id) == 0.0);
+        assert_int_equal(verge_road_next(road, id, 0), VERGE_NO_LANE);
+        assert_int_equal(verge_road_next(road, 0, id), VERGE_NO_LANE);
+        assert_false(verge_road_continues(road, id, 0) || verge_road_continues(road, 0, id));
+    }
+    static const double bad[] = { NAN, INFINITY, -INFINITY };
+    for (uint32_t i = 0; i < sizeof bad / sizeof bad[0]; ++i) {
+        double x, y, heading;
+        assert_false(verge_road_at(road, 0, bad[i], 0.0, &x, &y, &heading));
+        assert_false(verge_road_at(road, 0, 0.0, bad[i], &x, &y, &heading));
+        assert_int_equal(verge_road_project(road, bad[i], 0.0, 0.0, 0).lane_id, VERGE_NO_LANE);
+        assert_int_equal(verge_road_project(road, 0.0, bad[i], 0.0, 0).lane_id, VERGE_NO_LANE);
+        assert_int_equal(verge_road_project(road, 0.0, 0.0, bad[i], 0).lane_id, VERGE_NO_LANE);
+        assert_int_equal(verge_road_project_on(road, 0, bad[i], 0.0).lane_id, VERGE_NO_LANE);
+        assert_int_equal(verge_road_project_on(road, 0, 0.0, bad[i]).lane_id, VERGE_NO_LANE);
+    }
+    assert_int_equal(verge_road_check(NULL, NULL), VERGE_ERR_ROAD);
+    world_free(w);
+}
+
+static void test_a_default_lane_needs_points_only_and_zeros_are_refused(void** state)
+{
+    (void)state;
+    static const double points[2][2] = { { 0.0, 0.0 }, { 50.0, 0.0 } };
+    for (int32_t id = 0; id < 3; ++id) {
+        verge_lane_def lanes[3];
+        for (int32_t i = 0; i < 3; ++i) {
+            lanes[i] = verge_lane_def_default();
+            lanes[i].id = i;
+            lanes[i].points = points;
+            lanes[i].point_count = 2;
+        }
+        const verge_road_def def = { lanes, 3 };
+        assert_int_equal(verge_road_check(&def, NULL), VERGE_OK);
+        lanes[id] = (verge_lane_def){ .id = id, .points = points, .point_count = 2, .width = 3.5,
+                                      .speed_limit = 13.9 };
+        verge_road_fault fault;
+        assert_int_equal(verge_road_check(&def, &fault), VERGE_ERR_ROAD);
+        assert_int_equal(fault.lane_index, id);
+        assert_non_null(strstr(fault.text, "VERGE_NO_LANE"));
+    }
+}
+
 static bool accepted(const world* w)
 {
     const verge_road_def def = { .lanes = w->lanes, .lane_count = w->count };
@@ -935,6 +993,8 @@ int main(void)
         cmocka_unit_test(test_a_path_is_its_anchor_and_smooth_beyond_it),
         cmocka_unit_test(test_a_path_goes_straight_on_where_the_road_ends),
         cmocka_unit_test(test_every_broken_road_is_refused_with_its_reason),
+        cmocka_unit_test(test_questions_about_no_lane_have_answers),
+        cmocka_unit_test(test_a_default_lane_needs_points_only_and_zeros_are_refused),
         cmocka_unit_test(test_a_centreline_may_turn_sharply_but_not_double_back),
         cmocka_unit_test(test_a_successor_goes_on_within_ninety_degrees),
         cmocka_unit_test(test_stretches_may_touch_and_an_empty_list_needs_no_neighbour),

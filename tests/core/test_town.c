@@ -393,6 +393,30 @@ static void test_a_lane_that_meets_too_many_others_is_named(void** state)
     assert_non_null(strstr(fault.text, "256"));
 }
 
+/// What a road keeps grows with its metres and with what lanes meet; a byte a pair of lanes is all
+/// that grows faster.
+static void test_the_memory_of_a_road_grows_with_what_it_has(void** state)
+{
+    (void)state;
+    for (int road = 0; road < 4; ++road) {
+        road == 0 ? town_junction(&t, 1) : road == 1 ? town_junction(&t, 3)
+                                                      : town_grid(&t, road == 2 ? 6 : 8, 80.0);
+        for (uint32_t i = 0; road == 0 && i < 8; ++i) {
+            t.lanes[i].successor_count = 0; // the arms alone
+        }
+        t.count = road == 0 ? 8 : t.count;
+        built* b = build();
+        double length = 0.0;
+        for (uint32_t i = 0; i < t.count; ++i) {
+            length += b->road->lanes[i].length;
+        }
+        const double pairs = (double)t.count * t.count;
+        print_message("memory: %u lanes of %.0f m: %zu B\n", t.count, length, b->size);
+        CHECK_AT_MOST((double)b->size, 8e3 + 60.0 * length + 2.5e3 * t.count + pairs);
+        built_free(b);
+    }
+}
+
 // ------------------------------------------------------------------------------ plans
 
 static verge_plan plan;
@@ -478,6 +502,7 @@ int main(void)
         cmocka_unit_test(test_a_point_is_found_among_1024_lanes),
         cmocka_unit_test(test_conflicts_are_known_to_both_lanes),
         cmocka_unit_test(test_a_lane_that_meets_too_many_others_is_named),
+        cmocka_unit_test(test_the_memory_of_a_road_grows_with_what_it_has),
         cmocka_unit_test(test_vehicles_are_planned_for_in_a_town_and_on_a_large_junction),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -21,6 +21,8 @@ typedef struct verge_stretch {
     double s0, s1;
 } verge_stretch;
 
+/// One lane. Start from verge_lane_def_default(): in a struct filled with zeros `left` and `right`
+/// name lane 0, which verge_road_check() refuses.
 typedef struct verge_lane_def {
     int32_t id;                     ///< >= 0, unique
     const double (*points)[2];      ///< [m] x, y in travel direction; no turn beyond 150 degrees
@@ -35,6 +37,9 @@ typedef struct verge_lane_def {
     verge_stretch change_left[VERGE_STRETCHES_MAX], change_right[VERGE_STRETCHES_MAX];
     uint32_t change_left_count, change_right_count;
 } verge_lane_def;
+
+/// A lane of 3.5 m and 13.9 m/s without points, neighbours and successors.
+verge_lane_def verge_lane_def_default(void);
 
 typedef struct verge_road_def {
     const verge_lane_def* lanes;
@@ -76,9 +81,11 @@ verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_i
                                           double y);
 
 /// Position and direction of (s, d) on a lane: Eq. 6 for a body that moves along the lane.
-void verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
+/// x, y, heading: not null. False: no such lane, or s or d is not finite; nothing is written.
+bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
                    double* x, double* y, double* heading);
 
+// Of an unknown lane these are 0, VERGE_NO_LANE or false. In all functions `road` is not null.
 double  verge_road_length(const verge_road* road, int32_t lane_id);      ///< [m] of the reference line
 double  verge_road_width(const verge_road* road, int32_t lane_id);       ///< [m]
 double  verge_road_speed_limit(const verge_road* road, int32_t lane_id); ///< [m/s]

@@ -115,7 +115,7 @@ static const char* check_lane(const checked* road, uint32_t index, const char** 
     *field = "right";
     text = check_neighbour(road, index, lane->right);
     if (text == NULL && lane->right != VERGE_NO_LANE && lane->right == lane->left) {
-        text = "one lane cannot be on the left and on the right";
+        text = "one lane cannot be on the left and on the right; VERGE_NO_LANE (-1) where there is none";
     }
     if (text != NULL) {
         return text;

@@ -126,8 +126,15 @@ size_t vg_road_scratch_size(const verge_road_def* def)
     return stages + def->lane_count * sizeof(vg_lane_storage) + VG_ARENA_ALIGN;
 }
 
+verge_lane_def verge_lane_def_default(void)
+{
+    return (verge_lane_def){ .width = 3.5, .speed_limit = 13.9, .left = VERGE_NO_LANE,
+                             .right = VERGE_NO_LANE };
+}
+
 int32_t vg_road_lane_index(const struct verge_road* road, int32_t lane_id)
 {
+    VERGE_ASSERT(road != NULL);
     uint32_t low = 0, high = road->lane_count;
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
@@ -181,15 +188,19 @@ verge_lane_position vg_nearby_position(const vg_nearby* nearby)
     return position_on(&nearby->road->lanes[nearby->lane], nearby->x, nearby->y, nearby->s);
 }
 
-void verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
+bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
                    double* x, double* y, double* heading)
 {
+    VERGE_ASSERT(x != NULL && y != NULL && heading != NULL);
     const vg_lane* lane = lane_of(road, lane_id);
-    VERGE_ASSERT(lane != NULL && x != NULL && y != NULL && heading != NULL);
+    if (lane == NULL || !vg_finite(s) || !vg_finite(d)) {
+        return false;
+    }
     const vg_reference at = vg_lane_at(lane, s);
     *x = at.x - d * at.sin_heading;
     *y = at.y + d * at.cos_heading;
     *heading = vg_atan2(at.sin_heading, at.cos_heading);
+    return true;
 }
 
 double verge_road_length(const verge_road* road, int32_t lane_id)

@@ -5,9 +5,10 @@
 /// inside, which a test drives), are those of Directive 96/53/EC; the speeds of bus and trucks are
 /// those of the limiter (Directive 92/6/EEC); braking is at least what UN R13 asks for (5 m/s^2).
 ///
-/// The rest is estimated, typical of a vehicle of its kind and of no make: lengths, axles and turning
-/// circles, engines by power and mass, steering rates, and the lateral acceleration at which a loaded
-/// truck begins to roll over (0.35 to 0.4 g) or tyres end. State a body of your own where it matters.
+/// The rest is estimated, typical of a vehicle of its kind and of no make: lengths, axles and
+/// turning circles, engines by power and mass, steering rates, and the lateral acceleration at
+/// which a loaded truck begins to roll over (0.35 to 0.4 g) or tyres end. State a body of your own
+/// where it matters.
 
 #include "base/scalar.h"
 #include "verge/limits.h"
@@ -65,14 +66,15 @@ static const preset presets[VERGE_BODY_KIND_COUNT] = {
     [VERGE_BODY_TRUCK] = { "truck", { .length = 10.1, .width = 2.55, .wheelbase = 5.3,
         .rear_axle = 1.73, .steer_max = 0.71, .steer_rate_max = 0.4, .acceleration_max = 1.5,
         .speed_switch = 8.0, .braking_max = 7.0, .lateral_max = 4.0, .speed_max = 25.0 } },
-    // Tractor: overhangs 1.43 and 0.85 m, turning circle 15.8 m. Together 16.5 m long, the trailer's
-    // rear 12 m behind the hitch: both the most of 96/53/EC. 40 t, 8 W/kg.
+    // Tractor: overhangs 1.43 and 0.85 m, turning circle 15.8 m. Together 16.5 m long, the
+    // trailer's rear 12 m behind the hitch: both the most of 96/53/EC. 40 t, 8 W/kg.
     [VERGE_BODY_ARTICULATED] = { "articulated", { .length = 6.08, .width = 2.55, .wheelbase = 3.8,
         .rear_axle = 2.19, .steer_max = 0.68, .steer_rate_max = 0.4, .acceleration_max = 1.0,
         .speed_switch = 8.0, .braking_max = 6.5, .lateral_max = 3.5, .speed_max = 25.0,
         .hitch = 1.46, .trailer_length = 13.6, .trailer_width = 2.55, .trailer_axle = 7.65,
         .trailer_front = 1.6 } },
-    // Wheels of 0.62 m, a steering head that turns by 35 degrees. A bend leans it, up to 40 degrees.
+    // Wheels of 0.62 m, a steering head that turns by 35 degrees. It leans in bends, by at most 40
+    // degrees.
     [VERGE_BODY_MOTORCYCLE] = { "motorcycle", { .length = 2.2, .width = 0.8, .wheelbase = 1.45,
         .rear_axle = 0.78, .steer_max = 0.6, .steer_rate_max = 0.8, .acceleration_max = 6.0,
         .speed_switch = 15.0, .braking_max = 8.0, .lateral_max = 8.0, .speed_max = 50.0 } },
@@ -141,7 +143,7 @@ const verge_body_param* verge_body_params(uint32_t* count)
     return params;
 }
 
-/// The greatest value of a number in this body: both axles lie within the length.
+/// The upper limit of a number in this body: both axles lie within the length.
 static double most_of(const verge_body* body, const verge_body_param* param)
 {
     if (param->offset == offsetof(verge_body, rear_axle)) {

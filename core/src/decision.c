@@ -1,5 +1,5 @@
-/// What every reader of a decision needs: it stands apart from the search, so that a program that
-/// brings its own decision links none.
+/// Access to a decision. It is separate from the search, so that a program with its own decision
+/// stage does not link the search.
 #include "verge/decision.h"
 
 const verge_vehicle_decision* verge_decision_of(const verge_decision* decision, int32_t vehicle_id)

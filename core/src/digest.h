@@ -1,4 +1,4 @@
-/// FNV-1a over values, field by field, so that padding and byte order do not count.
+/// Digest of a plan: FNV-1a over the values of its fields, so padding and byte order do not matter.
 #ifndef VG_DIGEST_H
 #define VG_DIGEST_H
 
@@ -8,7 +8,8 @@
 extern "C" {
 #endif
 
-/// Of every field of every vehicle plan, the predictions and the utime; not of the search report.
+/// The digest covers utime, all fields of all vehicle plans, and the predictions; not the search
+/// report.
 uint64_t vg_digest_plan(const verge_plan* plan);
 
 #ifdef __cplusplus

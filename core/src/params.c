@@ -1,4 +1,4 @@
-/// The def's scalar fields: default, range, unit and sentence of each, in one table.
+/// The scalar fields of the def in one table: unit, range and meaning; their defaults below it.
 
 #include "base/scalar.h"
 #include "verge/planner.h"
@@ -69,8 +69,8 @@ static const verge_param params[] = {
 
 static_assert(VERGE_POINTS_MAX >= 11 && VERGE_POINTS_MAX <= 64, "a trajectory of 11 to 64 points");
 static_assert(VERGE_STEPS_MAX >= 2 && VERGE_STEPS_MAX <= 32, "2 to 32 decision steps");
-static_assert(VERGE_CONTROLLED_MAX <= VERGE_VEHICLES_MAX, "planned vehicles are seen vehicles");
-static_assert(VERGE_CONTROLLED_MAX <= 27, "5^27 joint actions still fit a 64-bit number");
+static_assert(VERGE_CONTROLLED_MAX <= VERGE_VEHICLES_MAX, "controlled vehicles are vehicles");
+static_assert(VERGE_CONTROLLED_MAX <= 27, "the number of joint actions, 5^27, fits 64 bits");
 static_assert(VERGE_SAMPLE_OFFSETS_MAX % 8 == 0, "offsets fill whole vectors");
 
 verge_planner_def verge_planner_default_def(void)
@@ -161,7 +161,7 @@ static const char* first_fault(const verge_planner_def* def)
         return "reward_target"; // the three parts sum to 1, so that R_i lies in [0, 1]
     }
     if ((double)def->steps * def->step_s < (double)(def->points - 1u) * def->point_s) {
-        return "steps"; // decisions reach at least as far as trajectories
+        return "steps"; // the decision horizon must be at least as long as a trajectory
     }
     return NULL;
 }

@@ -1,5 +1,5 @@
-/// Place, decide, predict, plan, check: the stages one after the other for all vehicles of a roadside
-/// unit. The planner owns their memory and remembers the last scene, decision and plans.
+/// Runs the stages place, decide, predict, plan and check for all vehicles of a roadside unit. The
+/// planner holds their memory and keeps the last scene, decision and plans.
 
 #include "verge/planner.h"
 
@@ -20,7 +20,7 @@ struct verge_planner {
     verge_predictor*   predictor;
     vg_workspace**     workspaces;  // [controlled_max]
     vg_job*            jobs;        // [controlled_max]
-    verge_scene        scenes[2];   // of this step and of the step before, in turn
+    verge_scene        scenes[2];   // of this step and of the step before
     verge_decision     decision;
     verge_commitment   commitment;
     verge_tracks       tracks;
@@ -30,7 +30,8 @@ struct verge_planner {
 };
 
 static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def);
-static verge_status   place(verge_planner* self, int64_t utime, const verge_vehicle* vehicles, uint32_t count);
+static verge_status   place(verge_planner* self, int64_t utime, const verge_vehicle* vehicles,
+                            uint32_t count);
 static void           plan_all(verge_planner* self, verge_plan* plan);
 static void           remember(verge_planner* self, const verge_plan* plan);
 static void           report(verge_planner* self, verge_plan* plan);
@@ -41,7 +42,8 @@ static verge_scene take_scene(vg_arena* arena, uint32_t vehicles_max)
 {
     verge_vehicle* vehicles = vg_arena_take(arena, vehicles_max * sizeof *vehicles);
     verge_lane_position* positions = vg_arena_take(arena, vehicles_max * sizeof *positions);
-    return (verge_scene){ .vehicles = vehicles, .positions = positions, .vehicles_max = vehicles_max };
+    return (verge_scene){ .vehicles = vehicles, .positions = positions,
+                          .vehicles_max = vehicles_max };
 }
 
 static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def)
@@ -77,8 +79,8 @@ static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def)
     return self;
 }
 
-// A dry run on a measuring arena: the code that takes memory is the code that sizes it. The road's
-// scratch lies over what is taken after the road, so the larger of the two counts.
+// Runs the code that takes memory on an arena that only measures. The scratch memory of the road is
+// used again for what is taken after the road, so the larger of both counts.
 static bool measure(const verge_planner_def* def, size_t* road, size_t* scratch, size_t* rest)
 {
     if (verge_planner_check(def, NULL) != VERGE_OK) {
@@ -113,7 +115,8 @@ static size_t workspace_size(const verge_planner_def* def)
     return arena.used;
 }
 
-void verge_planner_memory_terms(const verge_planner_def* def, verge_memory_term terms[VERGE_MEMORY_TERMS])
+void verge_planner_memory_terms(const verge_planner_def* def,
+                                verge_memory_term terms[VERGE_MEMORY_TERMS])
 {
     size_t road = 0, scratch = 0, rest = 0;
     memset(terms, 0, VERGE_MEMORY_TERMS * sizeof terms[0]);
@@ -122,13 +125,16 @@ void verge_planner_memory_terms(const verge_planner_def* def, verge_memory_term 
     }
     const size_t total = verge_planner_memory_size(def);
     const verge_memory_term budget[] = {
-        { "road: reference lines, stations, ways, conflicts", road },
-        { "decision: search tree of nodes_max nodes, pairs of vehicles", verge_decider_memory_size(def) },
+        { "road: reference lines, stations, routes, conflicts", road },
+        { "decision: search tree of nodes_max nodes, pairs of vehicles",
+          verge_decider_memory_size(def) },
         { "prediction: pairs of vehicles, expected states", verge_predictor_memory_size(def) },
-        { "samplers: one workspace a controlled vehicle", def->controlled_max * workspace_size(def) },
+        { "samplers: one workspace a controlled vehicle",
+          def->controlled_max * workspace_size(def) },
         { "jobs and last plans: one a controlled vehicle",
           def->controlled_max * (sizeof(vg_job) + sizeof(verge_vehicle_plan)) },
-        { "tracks: where every vehicle will be", def->vehicles_max * sizeof(verge_track) },
+        { "tracks: the predicted motion of every vehicle",
+          def->vehicles_max * sizeof(verge_track) },
         { "scenes: the vehicles of this step and the last",
           2 * def->vehicles_max * (sizeof(verge_vehicle) + sizeof(verge_lane_position)) },
         { "planner, decided steps, alignment, fitting of the road", 0 },
@@ -168,7 +174,7 @@ verge_status verge_planner_init(verge_planner** planner, const verge_planner_def
     arena.sealed = true;
     self->arena = arena;
     self->road = self->scenes[0].road = self->scenes[1].road = road;
-    self->def.road = (verge_road_def){ NULL, 0 }; // copied; the caller's is not looked at again
+    self->def.road = (verge_road_def){ NULL, 0 }; // the road is built; its definition may be freed
     self->counters.arena_size = size;
     self->counters.arena_peak = arena.peak;
     self->counters.nodes_max = def->nodes_max;
@@ -209,7 +215,7 @@ verge_status verge_planner_step(verge_planner* self, int64_t utime, const verge_
     if (status != VERGE_OK) {
         return status;
     }
-    // All decisions first, from the vehicles ordered by id; then one trajectory for each.
+    // First the joint decision of all vehicles, then one trajectory for each.
     const verge_scene* scene = &self->scenes[0];
     verge_status done = verge_decide(self->decider, scene, &self->commitment, &self->decision);
     VERGE_ASSERT(done == VERGE_OK);
@@ -223,8 +229,9 @@ verge_status verge_planner_step(verge_planner* self, int64_t utime, const verge_
     return VERGE_OK;
 }
 
-// The new scene takes the place of the one before the last.
-static verge_status place(verge_planner* self, int64_t utime, const verge_vehicle* vehicles, uint32_t count)
+// The new scene is built in the arrays of the scene before the last.
+static verge_status place(verge_planner* self, int64_t utime, const verge_vehicle* vehicles,
+                          uint32_t count)
 {
     const verge_scene before = self->scenes[0];
     verge_scene now = self->scenes[1];
@@ -257,17 +264,17 @@ static void plan_all(verge_planner* self, verge_plan* plan)
     for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
         const int32_t id = scene->vehicles[i].id;
         if (scene->vehicles[i].controlled) {
-            const bool usable =
-                vg_job_begin(&self->jobs[count], &self->def, scene, i, verge_decision_of(&self->decision, id),
-                             plan_before(self, id), &plan->vehicles[count]);
+            const bool usable = vg_job_begin(&self->jobs[count], &self->def, scene, i,
+                                             verge_decision_of(&self->decision, id),
+                                             plan_before(self, id), &plan->vehicles[count]);
             VERGE_ASSERT(usable);
             (void)usable;
             ++count;
         }
     }
     plan->vehicle_count = count;
-    self->counters.candidates += vg_trajectories_run(self->workspaces, self->jobs, count, &self->tracks,
-                                                     plan->vehicles, &plan->replanned_count);
+    self->counters.candidates += vg_trajectories_run(
+        self->workspaces, self->jobs, count, &self->tracks, plan->vehicles, &plan->replanned_count);
     for (uint32_t i = 0; i < count; ++i) {
         vg_job_end(&self->jobs[i], self->workspaces[i], &plan->vehicles[i]);
     }

@@ -1,4 +1,5 @@
-/// Humans for simulators: the prediction model, with the wish to drive at the limit.
+/// Moves uncontrolled vehicles for simulators: the model of the prediction, with the speed limit as
+/// desired speed.
 #include "verge/simulate.h"
 
 #include "base/arena.h"
@@ -13,7 +14,7 @@ struct verge_humans {
     verge_scene scene;
     vg_pairs* pairs;
     vg_model* model;
-    vg_flow*  flows; // [2] now and dt later
+    vg_flow*  flows; // [2] at the start, and dt later
 };
 
 static verge_humans* take(vg_arena* arena, const verge_planner_def* def)
@@ -60,7 +61,7 @@ verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* d
     return *humans == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
 }
 
-// A vehicle that verge_scene_place() would refuse is on no lane.
+// A vehicle that verge_scene_place() would reject counts as on no lane.
 static verge_lane_position position_of(const verge_road* road, const verge_vehicle* v)
 {
     if (verge_road_check_vehicle(road, v) != VERGE_OK) {
@@ -89,8 +90,8 @@ static void move(verge_humans* self, const vg_flow* next, uint32_t slot, double 
     v->speed = speed;
 }
 
-verge_status verge_humans_advance(verge_humans* self, const verge_road* road, verge_vehicle* vehicles,
-                                  uint32_t vehicle_count, double dt)
+verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
+                                  verge_vehicle* vehicles, uint32_t vehicle_count, double dt)
 {
     VERGE_ASSERT(self != NULL && road != NULL && (vehicle_count == 0 || vehicles != NULL));
     if (!(dt > 0.0 && dt <= 1.0)) {
@@ -117,7 +118,8 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road, ve
     for (uint32_t i = 0; i < vehicle_count; ++i) {
         verge_vehicle* v = &vehicles[i];
         const bool straight = scene->positions[i].lane_id == VERGE_NO_LANE && vg_finite(v->x)
-                              && vg_finite(v->y) && vg_abs(v->heading) <= 1e6 && vg_finite(v->speed);
+                              && vg_finite(v->y) && vg_abs(v->heading) <= 1e6
+                              && vg_finite(v->speed);
         if (straight && !v->controlled) {
             v->x += v->speed * dt * vg_cos(v->heading);
             v->y += v->speed * dt * vg_sin(v->heading);

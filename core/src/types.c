@@ -1,4 +1,4 @@
-/// Words for people: statuses, actions, reasons, habits, and the sentence of an action.
+/// Texts of statuses, actions and reasons; habits; defaults of vehicles.
 
 #include "verge/plan.h"
 
@@ -29,8 +29,8 @@ const char* verge_reason_text(verge_reason reason)
     switch (reason) {
     case VERGE_REASON_NONE: return "none";
     case VERGE_REASON_NO_FEASIBLE: return "no candidate within the vehicle's limits";
-    case VERGE_REASON_COLLISION: return "every candidate meets a predicted vehicle";
-    case VERGE_REASON_JOINT: return "every candidate meets another planned vehicle";
+    case VERGE_REASON_COLLISION: return "every candidate collides with a predicted vehicle";
+    case VERGE_REASON_JOINT: return "every candidate collides with another controlled vehicle";
     case VERGE_REASON_OVERLAP_NOW: return "the vehicle overlaps another one already";
     case VERGE_REASON_OFF_ROAD: return "the vehicle is on no lane";
     case VERGE_REASON_OVERRUN: return "the planning cycle ran out of time";
@@ -88,20 +88,20 @@ verge_body verge_vehicle_body(const verge_vehicle* vehicle)
                                       : verge_body_by_size(vehicle->length, vehicle->width);
 }
 
-// A bounded string under construction; what does not fit is cut.
+// A string in a buffer of fixed size; text that does not fit is cut.
 typedef struct sentence {
     char*  text;
     size_t size, used;
 } sentence;
 
-static void say(sentence* to, const char* words)
+static void append(sentence* to, const char* words)
 {
     for (; *words != '\0' && to->used + 1 < to->size; ++words) {
         to->text[to->used++] = *words;
     }
 }
 
-static void say_id(sentence* to, int32_t id)
+static void append_id(sentence* to, int32_t id)
 {
     char digits[12];
     size_t first = sizeof digits - 1;
@@ -111,14 +111,14 @@ static void say_id(sentence* to, int32_t id)
         digits[--first] = (char)('0' + rest % 10u);
         rest /= 10u;
     } while (rest != 0u);
-    say(to, &digits[first]);
+    append(to, &digits[first]);
 }
 
-static void say_neighbour(sentence* to, const char* relation, int32_t id)
+static void append_neighbour(sentence* to, const char* relation, int32_t id)
 {
-    say(to, relation);
-    say(to, " vehicle ");
-    say_id(to, id);
+    append(to, relation);
+    append(to, " vehicle ");
+    append_id(to, id);
 }
 
 size_t verge_action_say(const verge_action_step* step, char* text, size_t size)
@@ -129,12 +129,12 @@ size_t verge_action_say(const verge_action_step* step, char* text, size_t size)
     }
     const bool known = (unsigned)step->action < VERGE_ACTION_COUNT;
     const bool changing = known && vg_action_changes_lane(step->action);
-    say(&to, known ? vg_actions[step->action].words : "unknown action");
+    append(&to, known ? vg_actions[step->action].words : "unknown action");
     if (step->ahead_id >= 0) {
-        say_neighbour(&to, " behind", step->ahead_id);
+        append_neighbour(&to, " behind", step->ahead_id);
     }
     if (changing && step->behind_id >= 0) {
-        say_neighbour(&to, step->ahead_id >= 0 ? ", ahead of" : " ahead of", step->behind_id);
+        append_neighbour(&to, step->ahead_id >= 0 ? ", ahead of" : " ahead of", step->behind_id);
     }
     text[to.used] = '\0';
     return to.used;

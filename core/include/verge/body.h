@@ -1,7 +1,7 @@
 /// The body of a vehicle: its dimensions, where its axles are, and the limits of its motion.
 ///
-///     vehicle.length = 12.0;                        // the body follows from length and width
-///     verge_vehicle_set_body(&vehicle, &body);      // or is given, here with its own size
+///     vehicle.length = 12.0;                        // body derived from length and width, or
+///     verge_vehicle_set_body(&vehicle, &body);      // body given, with its length and width
 ///
 /// The reference point of a vehicle is the centre of its rectangle, everywhere. The rear axle lies
 /// rear_axle behind the centre and moves along the heading (kinematic single-track model).
@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-/// All fields zero: not given, the body follows from the vehicle's length and width.
+/// All fields zero: not given; the body is derived from length and width of the vehicle.
 typedef struct verge_body {
     double length, width;     ///< [m] 0.5 .. 30, 0.3 .. 4: the rectangle (of the tractor)
     double rear_axle;         ///< [m] 0 .. 0.5 * length, behind the centre; of an axle group: its
@@ -80,7 +80,7 @@ verge_body verge_body_of_size(verge_body_kind kind, double length, double width)
 /// 12 m a truck (Directive 96/53/EC: no rigid truck is longer), above a bus.
 verge_body verge_body_by_size(double length, double width);
 
-/// One number of a body, for whoever reads bodies by name (JSON, manuals).
+/// One number of a body, for programs that read bodies by name (JSON, manuals).
 typedef struct verge_body_param {
     const char* name; ///< as the field
     const char* unit; ///< "m", "rad", ...
@@ -99,8 +99,8 @@ typedef struct verge_body_fault {
     double value, min, max; ///< the range of an axle is that of this length
 } verge_body_fault;
 
-/// True: every number is finite and in its range, and both axles lie within the length. The
-/// numbers of a trailer are checked where trailer_length is not 0. fault may be null.
+/// True if every number is finite and in its range and both axles lie within the length. The
+/// numbers of a trailer are checked if trailer_length is not 0. fault may be null.
 bool verge_body_check(const verge_body* body, verge_body_fault* fault);
 
 #ifdef __cplusplus

@@ -10,7 +10,7 @@
 #include VERGE_USER_CONFIG
 #endif
 
-/// Vehicles the planner sees at once, controlled and uncontrolled. 8 .. 64.
+/// Vehicles in one step, controlled and uncontrolled. 8 .. 64.
 /// Cost: 14 B a vehicle in every tree node, 9 B more if it is controlled; 1 kB a vehicle in a plan
 /// (its prediction).
 #ifndef VERGE_VEHICLES_MAX
@@ -23,21 +23,21 @@
 #define VERGE_CONTROLLED_MAX 16
 #endif
 
-/// Lanes of a road. 1 .. 32767. Cost: 1 B in a road for each pair of the lanes that it has, 7 B in a
-/// planner for each lane that there may be; 32 B of stack a lane while a road is checked.
+/// Lanes of a road. 1 .. 32767. Cost: 1 B in a road for each pair of the lanes that it has, 7 B in
+/// a planner for each lane that there may be; 32 B of stack a lane while a road is checked.
 #ifndef VERGE_LANES_MAX
 #define VERGE_LANES_MAX 1024
 #endif
 
-/// Lanes near its vehicles that one step of a planner relates to one another; those further away are
-/// driven along, but vehicles there are related to no other. 8 .. 64.
-/// Cost: 20 B for each pair of them, 82 kB in all, where the road has as many.
+/// Lanes near the vehicles that a step relates to one another. 8 .. 64. Vehicles on other lanes
+/// drive along them, but are not related to other vehicles. Cost: 20 B for each pair of these
+/// lanes, at most 82 kB.
 #ifndef VERGE_LANES_NEAR_MAX
 #define VERGE_LANES_NEAR_MAX 64
 #endif
 
-/// Points of one lane's surveyed centreline. Refused above. Cost: none; points nearer to one another
-/// than 0.5 m are averaged, and the rest takes 140 B each while the road is built.
+/// Points of the surveyed centreline of one lane. Cost: none; points nearer to one another than
+/// 0.5 m are averaged, and each point left takes 140 B while the road is built.
 #ifndef VERGE_LANE_POINTS_MAX
 #define VERGE_LANE_POINTS_MAX 1000000
 #endif
@@ -101,7 +101,7 @@
 #define VERGE_SPEED_SWITCH 7.319       ///< [m/s]   above it a <= a_max * v_switch / v
 #define VERGE_SPEED_MAX 50.8           ///< [m/s]
 
-/// Below this speed lateral motion is a function of the way, d(s), and curvature is unknown. [m/s]
+/// Below this speed lateral motion is a function of distance, d(s), and curvature is unknown. [m/s]
 #define VERGE_SPEED_SLOW 2.0
 
 #endif

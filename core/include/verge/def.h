@@ -19,11 +19,11 @@ typedef enum verge_search {
 typedef void verge_executor(void* context, void (*task)(void* arg, uint32_t index), void* arg,
                             uint32_t count);
 
-/// How a planner is built. Start from verge_planner_default_def() and change what differs.
+/// How a planner is built. Start from verge_planner_default_def() and change single fields.
 /// Defaults, ranges and meaning of the scalar fields: verge_planner_params().
 typedef struct verge_planner_def {
-    verge_road_def road;        ///< read by verge_planner_init() only; stages take a built road. They
-                                ///< keep less about its lanes where lane_count says that they are few
+    verge_road_def road; ///< read by verge_planner_init() only; stages take a built road. They
+                         ///< keep less about its lanes where lane_count says that they are few
 
     uint64_t seed;              ///< any value; seed of the only random generator
     uint32_t search;            ///< verge_search
@@ -48,15 +48,17 @@ typedef struct verge_planner_def {
     double   reward_target;     ///< [1]     weight: ends in the target lane
     double   reward_lane;       ///< [1]     weight: share of steps near the target centreline
     double   reward_consistency;///< [1]     weight: share of steps that repeat the action before
-    double   reward_room;       ///< [1]     cost of a lane change that leaves no gap, in units of one
-                                ///<         step's share of R_i (1 / steps); 0 at change_gap_wanted
+    double   reward_room;       ///< [1]     cost of a lane change that leaves no gap, in units of
+                                ///<         one step's share of R_i (1 / steps); it falls to 0 at
+                                ///<         change_gap_wanted
     double   cruise_share;      ///< [1]     share of the speed limit below which a step earns in
                                 ///<         proportion to speed
-    double   target_distance;   ///< [m]     distance that all drive in their target lanes before a
-                                ///<         simulation of the search may end
-    double   switch_margin;     ///< [1]     gain in reward that is needed to replace the lane changes of
-                                ///<         the last plan, times the share of vehicles whose lane
-                                ///<         changes differ
+    double   target_distance;   ///< [m]     distance in the target lane after which a vehicle has
+                                ///<         reached its target; a simulation of the search ends
+                                ///<         when all vehicles have
+    double   switch_margin;     ///< [1]     gain in reward that is needed to replace the lane
+                                ///<         changes of the last plan, times the share of vehicles
+                                ///<         whose lane changes differ
     double   idm_gap;           ///< [m]     standstill gap of uncontrolled vehicles
     double   idm_headway_s;     ///< [s]     time headway of uncontrolled vehicles
     double   idm_acceleration;  ///< [m/s^2] acceleration of uncontrolled vehicles
@@ -84,7 +86,7 @@ typedef struct verge_planner_def {
     verge_executor* executor;   ///< null: the calling thread plans all vehicles, one by one
     void*    executor_context;
 
-    uint32_t cookie;            ///< set by verge_planner_default_def(); leave it alone
+    uint32_t cookie;            ///< set by verge_planner_default_def(); do not change it
 } verge_planner_def;
 
 verge_planner_def verge_planner_default_def(void);

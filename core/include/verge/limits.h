@@ -1,11 +1,11 @@
-/// The ranges of a vehicle's quantities, one table for messages, files and stages of the planner.
+/// The ranges of the quantities of a vehicle: one table for messages, files and planner.
 ///
 ///     verge_vehicle_fault fault;
 ///     if (!verge_vehicle_check(&vehicle, &fault)) ... "speed is 71 m/s, expected 0 to 70 m/s"
 ///
-/// A value beyond its range is no motion of a road vehicle: it is a mistake of units or a broken
-/// message. The ranges are as wide as any use of them needs; both ends belong to them. Limits of
-/// what a body can do, such as its largest acceleration, are numbers of that body (body.h).
+/// A value out of its range is impossible for a road vehicle: a unit is wrong or a message is
+/// damaged. Both ends belong to the range. The limits of a single body, such as its largest
+/// acceleration, are numbers of that body (body.h).
 #ifndef VERGE_LIMITS_H
 #define VERGE_LIMITS_H
 
@@ -18,8 +18,8 @@ extern "C" {
 #define VERGE_LIMIT_POSITION 1e7               ///< [m] of x and y, both signs
 #define VERGE_LIMIT_HEADING 6.283185307179586  ///< [rad] both signs; messages: pi
 #define VERGE_LIMIT_SPEED 70.0                 ///< [m/s]
-#define VERGE_LIMIT_ACCELERATION 30.0          ///< [m/s^2] both signs; more is a collision
-#define VERGE_LIMIT_YAW_RATE 5.0               ///< [rad/s] both signs; more is a jump of the heading
+#define VERGE_LIMIT_ACCELERATION 30.0          ///< [m/s^2] both signs; only collisions exceed it
+#define VERGE_LIMIT_YAW_RATE 5.0               ///< [rad/s] both signs
 #define VERGE_LIMIT_LENGTH_MIN 0.5             ///< [m]
 #define VERGE_LIMIT_LENGTH_MAX 30.0            ///< [m]
 #define VERGE_LIMIT_WIDTH_MIN 0.3              ///< [m]
@@ -32,13 +32,13 @@ typedef struct verge_vehicle_limit {
     const char* unit; ///< "m", "rad", ...
     size_t      offset;
     double      min, max;
-    bool        or_nan; ///< NaN is allowed, too: not known
+    bool        or_nan; ///< NaN is allowed as well and means: not known
 } verge_vehicle_limit;
 
 /// The table of all quantities, in the order of the struct. Static lifetime.
 const verge_vehicle_limit* verge_vehicle_limits(uint32_t* count);
 
-/// The quantity of this name; null: there is none.
+/// The quantity of this name, null if there is none.
 const verge_vehicle_limit* verge_vehicle_limit_of(const char* name);
 
 /// The first quantity of a vehicle that is out of its range.
@@ -49,7 +49,8 @@ typedef struct verge_vehicle_fault {
     double      value, min, max;
 } verge_vehicle_fault;
 
-/// True: every quantity of the table is in its range. vehicle must not be null, fault may be.
+/// True if every quantity of the table is in its range. vehicle must not be null; fault may be
+/// null.
 bool verge_vehicle_check(const verge_vehicle* vehicle, verge_vehicle_fault* fault);
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-/// Words shared by the whole interface: status codes, actions, vehicles and their habits.
+/// Types shared by the whole interface: status codes, actions, vehicles and their habits.
 ///
 /// Units are SI throughout: [m], [s], [rad], [m/s], [m/s^2]. Angles grow counter-clockwise from
 /// the x axis and lie in (-pi, pi]; the lateral offset d grows to the left of the direction of
@@ -18,10 +18,11 @@
 extern "C" {
 #endif
 
-/// What a call answers. Negative: input from outside that does not fit; nothing was changed.
+/// Result of a call. Negative: the input was rejected and nothing was changed.
 typedef enum verge_status {
     VERGE_OK = 0,
-    VERGE_ERR_DEF = -1,         ///< a parameter of the def is out of its range, or def not defaulted
+    VERGE_ERR_DEF = -1,         ///< a parameter of the def is out of its range, or the def was not
+                                ///< made by verge_planner_default_def()
     VERGE_ERR_MEMORY = -2,      ///< the memory given is too small or not 64-byte aligned
     VERGE_ERR_ROAD = -3,        ///< the road cannot be built; see verge_road_check()
     VERGE_ERR_CAPACITY = -4,    ///< more vehicles or controlled vehicles than the capacities; a
@@ -31,12 +32,12 @@ typedef enum verge_status {
     VERGE_ERR_OFF_ROAD = -7,    ///< a vehicle whose centre lies on no lane
 } verge_status;
 
-/// A sentence for a status, never null.
+/// A status in words. Never null; static lifetime.
 const char* verge_status_text(verge_status status);
 
 #define VERGE_NO_LANE (-1)
 
-/// Table 1. The values are those of the wire.
+/// The actions of Table 1. Messages use the same values.
 typedef enum verge_action {
     VERGE_KEEP_SPEED = 0,
     VERGE_ACCELERATE = 1,
@@ -56,7 +57,8 @@ typedef struct verge_weights {
 
 /// How a vehicle drives: its cooperation factor (Eq. 4) and its trajectory weights (Eq. 9).
 typedef struct verge_habit {
-    double cooperation; ///< [1] gamma in [0, 1]: 0 egoistic, 1 others count as much as oneself
+    double cooperation; ///< [1] gamma in [0, 1]; 0: only the own reward counts, 1: the rewards of
+                        ///< all vehicles count equally
     verge_weights weights;
 } verge_habit;
 
@@ -69,37 +71,38 @@ typedef enum verge_habit_kind {
 /// The three habits of Table 2.
 verge_habit verge_habit_of(verge_habit_kind kind);
 
-/// One vehicle as heard: the input of a planning step.
+/// The state of one vehicle: the input of a planning step.
 typedef struct verge_vehicle {
     int32_t id;             ///< >= 0, unique in a step
-    bool    controlled;     ///< true: planned by verge (the paper's AV in V_C); false: predicted
+    bool    controlled;     ///< true: verge plans it (the paper's AV); false: verge predicts it
     double  x, y;           ///< [m] centre of the body
     double  heading;        ///< [rad]
     double  speed;          ///< [m/s] >= 0, of the centre
     double  acceleration;   ///< [m/s^2] along the path
     double  yaw_rate;       ///< [rad/s] NaN: unknown, taken as 0; also taken as 0 below 2 m/s
     double  length, width;  ///< [m] 0.5 .. 30, 0.3 .. 4
-    verge_body body;        ///< axles and limits; all zero: by length and width, else of this size
+    verge_body body;        ///< axles and limits; its length and width are those above. All zero:
+                            ///< derived from length and width
     double  trailer_heading; ///< [rad] of an articulated body; NaN: straight behind the tractor
-    double  margin;         ///< [m] >= 0, the body is grown by this much on every side (old data)
-    int32_t target_lane;    ///< lane id, or VERGE_NO_LANE: no intention beyond driving on
+    double  margin;         ///< [m] >= 0, added to every side of the body, for old data
+    int32_t target_lane;    ///< lane id, or VERGE_NO_LANE: no target lane
     verge_habit habit;      ///< of controlled vehicles; ignored otherwise
 } verge_vehicle;
 
 /// A vehicle of 5 m x 2 m, normal habit, no target, yaw rate unknown.
 verge_vehicle verge_vehicle_default(void);
 
-/// Gives a vehicle this body, and with it its length and width.
+/// Sets body, length and width of a vehicle.
 void verge_vehicle_set_body(verge_vehicle* vehicle, const verge_body* body);
 
-/// The body of a vehicle: its own where it has one, else the one its length and width suggest
-/// (verge_body_by_size()).
+/// The body of a vehicle: its `body` if it is given, else verge_body_by_size() of its length and
+/// width.
 verge_body verge_vehicle_body(const verge_vehicle* vehicle);
 
-/// A point on a road: lane, way along its reference line and offset from it.
+/// A point on a road: lane, distance along its reference line and offset from it.
 typedef struct verge_lane_position {
-    int32_t lane_id;    ///< VERGE_NO_LANE: off every lane
-    double  s;          ///< [m] along the lane; may lie beyond its end where nothing continues it
+    int32_t lane_id;    ///< VERGE_NO_LANE: on no lane
+    double  s;          ///< [m] along the lane; beyond its end possible if it has no successor
     double  d;          ///< [m] to the left
     double  heading;    ///< [rad] of the lane there
     double  curvature;  ///< [1/m] of the lane there

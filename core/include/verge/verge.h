@@ -1,5 +1,5 @@
-/// verge: joint decisions and drivable trajectories for the vehicles around one roadside unit.
-/// The one include of the library. Start reading at planner.h.
+/// verge: joint decisions and drivable trajectories for the vehicles around one roadside unit. This
+/// header includes all others. Start with planner.h.
 #ifndef VERGE_H
 #define VERGE_H
 

@@ -1,8 +1,8 @@
-/// Memory handed out front to back. Two lives: `arena` as long as the planner, sealed after
-/// init; `scratch` emptied at the top of each step.
+/// An arena gives out parts of one block of memory, from front to back. `arena` lives as long as
+/// the planner and is sealed after init; `scratch` is emptied at the start of each step.
 ///
-/// A measuring arena (base null) hands out nothing but counts, so the code that builds a
-/// structure and the code that sizes it are the same code.
+/// A measuring arena (base null) gives out null and only adds up sizes. So the code that builds a
+/// structure also computes its size.
 #ifndef VG_ARENA_H
 #define VG_ARENA_H
 
@@ -19,17 +19,17 @@ typedef struct vg_arena {
     size_t   size;   ///< [B]
     size_t   used;   ///< [B]
     size_t   peak;   ///< [B]
-    bool     sealed; ///< no more after this
-    bool     failed; ///< something did not fit
+    bool     sealed; ///< nothing more may be taken
+    bool     failed; ///< a request did not fit
 } vg_arena;
 
 /// Every allocation starts on its own cache line.
 #define VG_ARENA_ALIGN 64u
 
 void  vg_arena_init(vg_arena* arena, void* base, size_t size);
-/// The same for memory from outside; false where it is null or not aligned to VG_ARENA_ALIGN.
+/// The same for memory of a caller. False: it is null or not aligned to VG_ARENA_ALIGN.
 bool  vg_arena_begin(vg_arena* arena, void* memory, size_t size);
-/// Zeroed memory, or null where it does not fit (arena->failed) or the arena is measuring.
+/// Zeroed memory, or null if it does not fit (arena->failed) or the arena is measuring.
 void* vg_arena_take(vg_arena* arena, size_t size);
 void  vg_arena_empty(vg_arena* arena);
 

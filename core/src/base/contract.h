@@ -1,5 +1,5 @@
-/// Assertions: what must hold if caller and library keep their contracts. Input from the world
-/// never ends here; it gets a status or a counter.
+/// Assertions: conditions that hold unless the caller or the library has a defect. Wrong input data
+/// never fails an assertion; it gives a status or a counter.
 #ifndef VG_CONTRACT_H
 #define VG_CONTRACT_H
 
@@ -11,7 +11,7 @@ extern "C" {
 #if defined(NDEBUG)
 #define VERGE_ASSERT(condition) ((void)0)
 #else
-/// The handler is the library's only way out; a program may bring its own.
+/// Called when an assertion fails. A program may define its own handler.
 void verge_assert_failed(const char* condition, const char* file, int line)
     __attribute__((noreturn));
 #define VERGE_ASSERT(condition) \

@@ -1,4 +1,4 @@
-/// The planner's one stream of randomness: PCG-XSH-RR 64/32 (O'Neill 2014), the same everywhere.
+/// The random generator: PCG-XSH-RR 64/32 (O'Neill 2014), the same on every machine.
 #ifndef VG_RANDOM_H
 #define VG_RANDOM_H
 
@@ -18,7 +18,7 @@ static inline uint32_t vg_random_next(vg_random* random)
     return (shifted >> rotation) | (shifted << ((32u - rotation) & 31u));
 }
 
-/// Distinct (seed, stream) pairs give unrelated streams.
+/// Distinct (seed, stream) pairs give independent sequences.
 static inline vg_random vg_random_from(uint64_t seed, uint64_t stream)
 {
     vg_random random = { .state = 0, .increment = (stream << 1) | 1u };
@@ -28,7 +28,7 @@ static inline vg_random vg_random_from(uint64_t seed, uint64_t stream)
     return random;
 }
 
-/// [0, bound), bound <= 2^16: uniform to 2^-16, one multiplication, no rejection.
+/// A number in [0, bound), bound <= 2^16: uniform to 2^-16, one multiplication, no rejection.
 static inline uint32_t vg_random_below(vg_random* random, uint32_t bound)
 {
     return (uint32_t)(((uint64_t)vg_random_next(random) * bound) >> 32);

@@ -1,6 +1,6 @@
-/// Range reduction after Cody and Waite, then Taylor series carried so far that the remainder is
-/// below a tenth of an ulp; there is nothing to tune and nothing to look up. Every step is one
-/// correctly rounded operation, so the results are the same wherever contraction is off.
+/// Range reduction after Cody and Waite, then Taylor series with a remainder below a tenth of an
+/// ulp. Every step is one correctly rounded operation, so the results are the same on every machine
+/// if contraction is off.
 #include "base/scalar.h"
 
 #include "base/contract.h"
@@ -9,12 +9,12 @@
 #include <string.h>
 
 /// pi/2 and 2 pi in three parts. The first two hold 33 bits, so that k * part is exact for
-/// |k| < 2^20, which is more than |x| <= 1e6 asks for.
+/// |k| < 2^20. |x| <= 1e6 needs less.
 static const double half_pi[3] = { 0x1.921fb54400000p+0, 0x1.0b4611a600000p-34,
                                    0x1.3198a2e037073p-69 };
 static const double two_pi[3] = { 0x1.921fb54400000p+2, 0x1.0b4611a600000p-32,
                                   0x1.3198a2e037073p-67 };
-/// atan(k / 8), the nearest double and what it lacks.
+/// atan(k / 8): the nearest double and the rounding error.
 static const double atan_eighth[9][2] = {
     { 0.0, 0.0 },
     { 0x1.fd5ba9aac2f6ep-4, -0x1.cd37686760c17p-59 },
@@ -76,7 +76,7 @@ double vg_atan2(double y, double x)
     const double ay = vg_abs(y);
     const double ax = vg_abs(x);
     if (ay == 0.0) {
-        return x < 0.0 ? VG_PI : 0.0; // the zero's sign is not looked at: (-pi, pi]
+        return x < 0.0 ? VG_PI : 0.0; // the sign of the zero is ignored: (-pi, pi]
     }
 
     // Eighth turns are folded onto [0, pi/4]; each unfolding carries the tail of pi along.
@@ -117,7 +117,7 @@ double vg_log(double x)
     memcpy(&mantissa, &bits, sizeof mantissa);
     if (mantissa > 1.41421356237309515) {
         mantissa *= 0.5;
-        exponent += 1;
+        ++exponent;
     }
     const double f = mantissa - 1.0;
 
@@ -152,7 +152,7 @@ double vg_wrap_angle(double x)
 
 static double reduce(double x, const double step[3], double* tail, int32_t* k)
 {
-    if (!(x >= -1e6 && x <= 1e6)) { // release builds: a defined answer for what must not happen
+    if (!(x >= -1e6 && x <= 1e6)) { // without assertions: a defined result for an illegal argument
         x = 0.0;
     }
     const double turns = x / step[0];

@@ -1,6 +1,6 @@
 /// Scalar mathematics with one result everywhere. The functions of libm differ in the last bit
-/// between machines, between libraries, and between CPUs of one machine (glibc chooses by CPU at run
-/// time). The core uses + - * / and sqrt only, which are the same everywhere, and the functions
+/// between machines, between libraries, and between CPUs of one machine (glibc chooses by CPU at
+/// run time). The core uses + - * / and sqrt only, which are the same everywhere, and the functions
 /// below, each within 2 ulp or 2e-16 of the true value.
 #ifndef VG_SCALAR_H
 #define VG_SCALAR_H
@@ -33,10 +33,10 @@ static inline double vg_clamp(double x, double low, double high)
     return x < low ? low : x > high ? high : x;
 }
 static inline double vg_square(double x) { return x * x; }
-/// Neither NaN nor infinite. A build with -ffinite-math-only would make this always true; core's
-/// flags exclude it.
+/// Neither NaN nor infinite. With -ffinite-math-only this would always be true; the flags of core
+/// exclude it.
 static inline bool vg_finite(double x) { return x - x == 0.0; }
-/// Seconds from one instant [us] to another, whatever they are.
+/// Time from one instant [us] to another [s]; +-VG_HUGE if the difference does not fit 64 bits.
 static inline double vg_seconds_between(int64_t from, int64_t to)
 {
     int64_t us = 0;
@@ -45,7 +45,7 @@ static inline double vg_seconds_between(int64_t from, int64_t to)
     }
     return (double)us * 1e-6;
 }
-/// Members of a set.
+/// Number of elements in a set.
 static inline uint32_t vg_bits(uint64_t set)
 {
     uint32_t count = 0;
@@ -54,7 +54,7 @@ static inline uint32_t vg_bits(uint64_t set)
     }
     return count;
 }
-/// Into (-pi, pi]. |x| <= 1e6.
+/// The same angle in (-pi, pi]. |x| <= 1e6.
 double vg_wrap_angle(double x);
 
 #ifdef __cplusplus

@@ -41,7 +41,8 @@ vg_reference vg_line_at(const vg_line* self, double s)
     vg_reference at = { .cos_heading = x.rs / norm, .sin_heading = y.rs / norm };
     at.x = x.r + beyond * at.cos_heading;
     at.y = y.r + beyond * at.sin_heading;
-    if (vg_abs(beyond) < 1e-9) { // the end itself has its curvature, rounding or not
+    if (vg_abs(beyond)
+        < 1e-9) { // at the end itself, with rounding, the curvature is that of the end
         const double cube = norm * norm * norm;
         at.curvature = (x.rs * y.rss - y.rs * x.rss) / cube;
         at.curvature_rate = (x.rs * y.rsss - y.rs * x.rsss) / cube
@@ -101,9 +102,9 @@ static double project_near(const vg_line* self, double x, double y, uint32_t kno
     return refine(self, x, y, low, high);
 }
 
-/// Exact over all knots. Distances change by at most one spacing from knot to knot, so a knot
-/// that is far off lets us skip as many as cannot be nearer than the best one so far. A hint close
-/// to the answer makes that most of them; of equally near knots the first is taken.
+/// The nearest of all knots, exactly. The distance changes by at most one spacing from knot to
+/// knot. Therefore knots that cannot be nearer than the best one so far are skipped. With a hint
+/// near the result most knots are skipped. Of equally near knots the first is taken.
 static uint32_t nearest_knot(const vg_line* self, double x, double y, uint32_t hint)
 {
     uint32_t best = hint;
@@ -114,7 +115,7 @@ static uint32_t nearest_knot(const vg_line* self, double x, double y, uint32_t h
             best = i;
             best_distance = distance;
         }
-        // 1.01: a spline's knots may lie a hair further apart than their arc.
+        // 1.01: the distance of two knots may be slightly larger than knot_spacing.
         const double skip = (distance - best_distance) / (1.01 * self->knot_spacing);
         i += skip >= (double)self->knot_count ? self->knot_count : skip > 1.0 ? (uint32_t)skip : 1;
     }

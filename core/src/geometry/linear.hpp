@@ -6,10 +6,10 @@
 /// small integers, which are exact in any order. All others are written out. sqrt is vg_sqrt.
 ///
 /// Eigen stands where the code then reads like the mathematics: the end conditions of the quintic
-/// (a 3 x 3 solve) and the frames of rectangles. Plain C is better where a vector would only be a pair
-/// of doubles (line.c, kinematics.h), in the loops over candidates, which the compiler vectorizes over
-/// candidates and not over coordinates (batch.c), and for the banded system of the road's fit, for
-/// which Eigen has no solver without a heap (road/fit.c).
+/// (a 3 x 3 solve) and the frames of rectangles. Plain C is better where a vector would only be a
+/// pair of doubles (line.c, kinematics.h), in the loops over candidates, which the compiler
+/// vectorizes over candidates and not over coordinates (batch.c), and for the banded system of the
+/// road's fit, for which Eigen has no solver without a heap (road/fit.c).
 #ifndef VG_LINEAR_HPP
 #define VG_LINEAR_HPP
 

@@ -1,5 +1,6 @@
-/// With the duration as unit of time, what a parabola from the start misses at the end is made up
-/// by the three upper coefficients alone: three conditions for three unknowns.
+/// The start fixes the three lower coefficients, a parabola. The three upper coefficients make up
+/// the difference at the end: three equations for three unknowns, with the duration as unit of
+/// time.
 #include "geometry/quintic.h"
 
 #include "geometry/linear.hpp"

@@ -1,7 +1,7 @@
-/// The smoothest link between two states of one axis: of all curves that meet position, velocity
+/// The smoothest connection of two states of one axis: of all curves that meet position, velocity
 /// and acceleration at both ends, the polynomial of degree five has the least integral of squared
-/// jerk (Takahashi et al. 1989; section 3.2.1 of the paper). The argument is time, or the way
-/// where lateral motion is planned as d(s); units below are those of time.
+/// jerk (Takahashi et al. 1989; section 3.2.1 of the paper). The argument is time, or distance if
+/// lateral motion is planned as d(s). Units below are those of time.
 #ifndef VG_QUINTIC_H
 #define VG_QUINTIC_H
 
@@ -20,7 +20,7 @@ typedef struct vg_quintic {
     double c[6];
 } vg_quintic;
 
-/// Everything there is to know at one instant.
+/// Value and derivatives at one instant.
 typedef struct vg_axis_sample {
     double position;     ///< [m]
     double velocity;     ///< [m/s]
@@ -28,7 +28,7 @@ typedef struct vg_axis_sample {
     double jerk;         ///< [m/s^3]
 } vg_axis_sample;
 
-/// The link from start at t = 0 to end at t = duration > 0.
+/// The polynomial from start at t = 0 to end at t = duration > 0.
 vg_quintic vg_quintic_between(vg_axis_state start, vg_axis_state end, double duration);
 
 static inline vg_axis_sample vg_quintic_at(const vg_quintic* q, double t)

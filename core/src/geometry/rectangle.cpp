@@ -1,4 +1,4 @@
-/// Separating axes for the question whether, corners against sides for the question how far.
+/// Overlap by separating axes; distance from the corners of one rectangle to the other.
 #include "geometry/rectangle.h"
 
 #include "geometry/linear.hpp"
@@ -23,7 +23,8 @@ double vg_rectangle_distance(const vg_rectangle* a, const vg_rectangle* b)
     if (vg_rectangle_overlap(a, b)) {
         return 0.0;
     }
-    // Two convex bodies apart are closest at a corner of one of them.
+    // The smallest distance of two convex polygons that do not overlap is at a corner of one of
+    // them.
     return vg_sqrt(vg_min(corners_to_body(a, b), corners_to_body(b, a)));
 }
 
@@ -31,7 +32,7 @@ static bool axis_separates(const vg_rectangle* a, const vg_rectangle* b)
 {
     const Matrix2d to_a = frame_of(a).transpose();
     const Vector2d between = to_a * Vector2d(b->x - a->x, b->y - a->y);
-    const Matrix2d turned = to_a * frame_of(b); // b's axes as a sees them
+    const Matrix2d turned = to_a * frame_of(b); // the axes of b in the frame of a
     const Vector2d reach = turned.unaryExpr(&vg_abs) * Vector2d(b->half_length, b->half_width);
     return vg_abs(between.x()) > a->half_length + reach.x()
            || vg_abs(between.y()) > a->half_width + reach.y();

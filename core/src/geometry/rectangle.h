@@ -1,4 +1,4 @@
-/// Oriented bodies: do they touch, how far are they apart.
+/// Overlap and distance of oriented rectangles.
 #ifndef VG_RECTANGLE_H
 #define VG_RECTANGLE_H
 
@@ -14,9 +14,9 @@ typedef struct vg_rectangle {
     double half_length, half_width;  ///< [m]
 } vg_rectangle;
 
-/// Touching counts as overlap. Exact (separating axes), no trigonometry.
+/// True if two rectangles overlap or touch. Exact (separating axes), no trigonometry.
 bool   vg_rectangle_overlap(const vg_rectangle* a, const vg_rectangle* b);
-/// [m] 0 where they overlap.
+/// Smallest distance of two rectangles [m]; 0 if they overlap.
 double vg_rectangle_distance(const vg_rectangle* a, const vg_rectangle* b);
 
 #ifdef __cplusplus

@@ -10,7 +10,8 @@ const vg_action_row vg_actions[] = {
     [VERGE_CHANGE_RIGHT] = { "LCR", "changing to the right lane", VG_KEEP_SPEED, VG_TO_RIGHT, -1,
                              false },
 };
-static_assert(sizeof vg_actions / sizeof vg_actions[0] == VERGE_ACTION_COUNT, "one row for each action");
+static_assert(sizeof vg_actions / sizeof vg_actions[0] == VERGE_ACTION_COUNT,
+              "one row for each action");
 
 const uint8_t vg_lane_keeping[VG_LANE_KEEPING_COUNT] = { VERGE_KEEP_SPEED, VERGE_ACCELERATE,
                                                          VERGE_DECELERATE };

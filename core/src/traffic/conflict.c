@@ -96,8 +96,8 @@ VG_INLINE uint32_t conflicts_after(const vg_model* model, const vg_flow* flow, c
 }
 
 // Controlled vehicles (bits) that would enter an area which another one sweeps.
-static __attribute__((noinline)) uint32_t conflicts_in_areas(const vg_model* model, const vg_flow* flow,
-                                                             const chosen* to)
+static __attribute__((noinline)) uint32_t conflicts_in_areas(const vg_model* model,
+                                                             const vg_flow* flow, const chosen* to)
 {
     uint32_t conflicts = 0;
     for (uint32_t i = 0; i < model->controlled_count; ++i) {

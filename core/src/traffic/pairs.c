@@ -11,7 +11,8 @@ vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max, uint32_t lane_co
     vg_pairs* pairs = vg_arena_take(arena, sizeof *pairs);
     vg_pair* of = vg_arena_take(arena, (size_t)vehicles_max * vehicles_max * sizeof *of);
     int32_t* lane = vg_arena_take(arena, vehicles_max * sizeof *lane);
-    const uint32_t targets = vehicles_max < VERGE_CONTROLLED_MAX ? vehicles_max : VERGE_CONTROLLED_MAX;
+    const uint32_t targets =
+        vehicles_max < VERGE_CONTROLLED_MAX ? vehicles_max : VERGE_CONTROLLED_MAX;
     vg_local* local = vg_local_take(arena, lane_count, vehicles_max, targets);
     if (pairs != NULL) {
         *pairs = (vg_pairs){ vehicles_max, of, lane, local };

@@ -146,7 +146,8 @@ static verge_lane_position locate(const verge_road* road, const verge_vehicle* v
         vg_road_changes(road, (uint32_t)vg_road_lane_index(road, at.lane_id), (uint32_t)target);
     const bool never = fewest == VG_NEVER;
     vg_nearby nearby = vg_road_nearby(road, v->x, v->y);
-    for (int32_t lane = vg_nearby_next(&nearby); never && lane >= 0; lane = vg_nearby_next(&nearby)) {
+    for (int32_t lane = vg_nearby_next(&nearby); never && lane >= 0;
+         lane = vg_nearby_next(&nearby)) {
         const uint32_t changes = vg_road_changes(road, (uint32_t)lane, (uint32_t)target);
         const verge_lane_position other = vg_nearby_position(&nearby);
         if (changes < fewest && other.contained) {

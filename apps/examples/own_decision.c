@@ -14,7 +14,7 @@ enum { VEHICLES = 9, OWN = 1, OTHER = 2, CYCLES = 160 };
 
 // Everything that one vehicle with 8 neighbours needs, besides its road.
 alignas(64) static unsigned char predictor_memory[20 << 10];
-alignas(64) static unsigned char sampler_memory[50 << 10];
+alignas(64) static unsigned char sampler_memory[44 << 10];
 static verge_vehicle          vehicles[VEHICLES];
 static verge_lane_position    positions[VEHICLES];
 static verge_track            bodies[VEHICLES];

@@ -73,12 +73,34 @@ static void test_the_size_of_a_node_is_the_stated_one(void** state)
     assert_int_equal(vg_node_size(64, 16), (uint32_t)(empty + 64.0 * vehicle + 16.0 * controlled));
 }
 
+/// What an on-vehicle unit holds besides its road, whatever the road: no tree, no room for 64 others.
+static void test_one_vehicle_with_8_neighbours_takes_96_kibibytes_at_most(void** state)
+{
+    (void)state;
+    static const uint32_t lane_counts[] = { 0, 1, 8, 68, 512, VERGE_LANES_MAX };
+    verge_planner_def def = verge_planner_default_def();
+    def.vehicles_max = 9;
+    def.controlled_max = 1;
+    for (size_t k = 0; k < sizeof lane_counts / sizeof lane_counts[0]; ++k) {
+        def.road.lane_count = lane_counts[k];
+        const size_t predictor = verge_predictor_memory_size(&def);
+        const size_t sampler = verge_sampler_memory_size(&def);
+        assert_true(predictor > 0 && sampler > 0);
+        const size_t arrays = 9 * (sizeof(verge_vehicle) + sizeof(verge_lane_position)
+                                   + sizeof(verge_track))
+                              + sizeof(verge_vehicle_decision) + 2 * sizeof(verge_vehicle_plan);
+        printf("             %u lanes: %zu bytes\n", lane_counts[k], predictor + sampler + arrays);
+        assert_true(predictor + sampler + arrays <= 96 * 1024);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_size_of_a_plan_is_the_stated_one),
         cmocka_unit_test(test_the_cost_of_a_capacity_is_the_stated_one),
         cmocka_unit_test(test_the_size_of_a_node_is_the_stated_one),
+        cmocka_unit_test(test_one_vehicle_with_8_neighbours_takes_96_kibibytes_at_most),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

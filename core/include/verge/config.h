@@ -18,7 +18,7 @@
 #endif
 
 /// Vehicles planned jointly. 1 .. VERGE_VEHICLES_MAX.
-/// Cost: a sampler each (49 kB with the default parameters), and 3.2 kB each in a plan.
+/// Cost: a sampler each (44 kB with the default parameters), and 3.2 kB each in a plan.
 #ifndef VERGE_CONTROLLED_MAX
 #define VERGE_CONTROLLED_MAX 16
 #endif

@@ -34,13 +34,20 @@ static void set_step(piece* self, const vg_reference* held, const vg_reference* 
 static void point_of(const pieces* all, double s, double* x, double* y);
 static void fade(const piece* self, double way, double direction, double* x, double* y);
 
-void vg_path_take(vg_path* path, vg_arena* arena, uint32_t knots_max)
+void vg_paths_take(vg_path paths[2], vg_arena* arena, uint32_t knots_max)
 {
     VERGE_ASSERT(knots_max >= 8 && knots_max <= VG_PATH_KNOTS_MAX);
-    double** const arrays[] = { &path->x, &path->y, &path->xss, &path->yss, &path->h, &path->work };
-    path->knots_max = knots_max;
-    for (uint32_t i = 0; i < sizeof arrays / sizeof arrays[0]; ++i) {
-        *arrays[i] = vg_arena_take(arena, knots_max * sizeof(double));
+    double* h = vg_arena_take(arena, knots_max * sizeof *h);
+    double* work = vg_arena_take(arena, knots_max * sizeof *work);
+    for (uint32_t k = 0; k < 2; ++k) {
+        vg_path* path = &paths[k];
+        double** const arrays[] = { &path->x, &path->y, &path->xss, &path->yss };
+        for (uint32_t i = 0; i < sizeof arrays / sizeof arrays[0]; ++i) {
+            *arrays[i] = vg_arena_take(arena, knots_max * sizeof(double));
+        }
+        path->knots_max = knots_max;
+        path->h = h;
+        path->work = work;
     }
 }
 

@@ -20,8 +20,9 @@ typedef struct vg_path {
     uint32_t anchor;               ///< lane index; the path coordinate equals the anchor lane's s on it
 } vg_path;
 
-/// Takes the arrays of a path of up to knots_max knots, 8 .. VG_PATH_KNOTS_MAX.
-void vg_path_take(vg_path* path, vg_arena* arena, uint32_t knots_max);
+/// Takes the arrays of two paths of up to knots_max knots each, 8 .. VG_PATH_KNOTS_MAX. They share h and
+/// work, so one path is built at a time.
+void vg_paths_take(vg_path paths[2], vg_arena* arena, uint32_t knots_max);
 
 /// Path along `lane` (index) towards `target` (index or -1), covering [s_from, s_to] of the lane's
 /// s, which may lie before its start or beyond its end. Cut to what fits; s_to - s_from <= 600.

@@ -36,8 +36,7 @@ vg_workspace* vg_workspace_take(vg_arena* arena, const verge_planner_def* def)
     vg_workspace* ws = vg_arena_take(arena, sizeof *ws);
     vg_workspace measured = { .lane = 0 };
     vg_workspace* to = ws != NULL ? ws : &measured; // a measuring arena hands out nothing
-    vg_path_take(&to->paths[0], arena, path_knots(def));
-    vg_path_take(&to->paths[1], arena, path_knots(def));
+    vg_paths_take(to->paths, arena, path_knots(def));
     vg_batch_take(&to->first, arena, def);
     vg_batch_take(&to->later, arena, def);
     return ws;

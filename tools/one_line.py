@@ -30,7 +30,7 @@ def read_text(path, expected):
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         line = error.object[:error.start].count(b"\n") + 1
-        raise BadInput(f"{path}:{line}: is no text, expected {expected}") from None
+        raise BadInput(f"{path}:{line}: is not text, expected {expected}") from None
     except OSError as error:
         raise BadInput(f"{path}:file: cannot be read ({error.strerror}), "
                        f"expected {expected}") from None
@@ -44,10 +44,10 @@ def read_json(path, expected):
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        raise BadInput(f"{path}:{error.lineno}: is no JSON ({error.msg}), "
+        raise BadInput(f"{path}:{error.lineno}: is not JSON ({error.msg}), "
                        f"expected {expected}") from None
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"{path}:file: is no JSON ({error}), expected {expected}") from None
+        raise BadInput(f"{path}:file: is not JSON ({error}), expected {expected}") from None
 
 
 def version():
@@ -89,7 +89,7 @@ def told_in_one_line(work):
     except OSError as error:
         if error.filename is None:  # a stream
             print(f"{pathlib.Path(sys.argv[0]).name}:standard output: cannot be written "
-                  f"({error.strerror}), expected a stream with room", file=sys.stderr)
+                  f"({error.strerror}), expected an open stream with free space", file=sys.stderr)
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
         print(f"{error.filename}:file: cannot be written ({error.strerror}), expected a file in an "

@@ -19,16 +19,16 @@ def read_lines(path):
             document = json.loads(text)
         except (ValueError, RecursionError):
             if found and number == len(texts):
-                print(f"{path}:{number}: cut off; the run goes up to there", file=sys.stderr)
+                print(f"{path}:{number}: cut off; the run is read up to there", file=sys.stderr)
                 break
-            raise BadInput(f"{path}:{number}: is no JSON, expected {EXPECTED}") from None
+            raise BadInput(f"{path}:{number}: is not JSON, expected {EXPECTED}") from None
         if not isinstance(document, dict):
-            raise BadInput(f"{path}:{number}: is no object, expected {EXPECTED}")
+            raise BadInput(f"{path}:{number}: is not an object, expected {EXPECTED}")
         found.append((number, document))
     if not found:
         raise BadInput(f"{path}:1: is empty, expected {EXPECTED}")
     if found[0][1].get("format") != "verge-run/1":
-        raise BadInput(f"{path}:1: is no run file, expected format verge-run/1")
+        raise BadInput(f"{path}:1: is not a run file, expected format verge-run/1")
     return found
 
 

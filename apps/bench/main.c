@@ -1,9 +1,9 @@
-/// verge-bench: how fast the search, the sampler and whole cycles are; one JSON document.
+/// verge-bench: measures the speed of search, sampler and whole cycles; prints one JSON document.
 ///
-/// Search and sampler are measured as stages, so that each figure stands for one thing:
-/// verge_decide() and verge_plan_vehicle(); cycles are whole calls of verge_planner_step(). Times are CPU times of this thread:
-/// other load on the machine moves them less than wall time, but it still moves them. What does
-/// not move is instructions: tools/bench-instructions counts them and hands them in.
+/// Search and sampler are measured as stages: verge_decide() and verge_plan_vehicle(). Cycles are
+/// calls of verge_planner_step(). Times are CPU times of this thread, which depend less on the load
+/// of the machine than wall time. The number of instructions does not depend on it at all:
+/// tools/bench-instructions counts them and passes them as an option.
 #include "common/data.h"
 #include "common/number.h"
 #include "common/options.h"
@@ -20,7 +20,7 @@
 
 enum { humans = 4, iterations = 3000, lane_total = 4, cycles_max = 400 };
 
-// Random four-lane freeway scenes: every controlled vehicle wants one lane change, the rest drive on.
+// Random four-lane freeway scenes. Every controlled vehicle has the lane beside it as target lane.
 typedef struct bench_scene {
     verge_planner_def  def;
     const verge_road*  road;
@@ -109,7 +109,7 @@ int main(int argc, char** argv)
         return 2;
     }
     if (!open_scene(&scene, &with)) {
-        fputs("verge-bench:memory: there is not enough of it\n", stderr);
+        fputs("verge-bench:memory: out of memory\n", stderr);
         return 1;
     }
     if (with.only) {
@@ -177,7 +177,8 @@ static bool open_scene(bench_scene* self, const settings* with)
     self->decision = (verge_decision){ .vehicles_max = VERGE_CONTROLLED_MAX,
                                        .vehicles = self->decisions };
     self->tracks = (verge_tracks){ .tracks_max = VERGE_VEHICLES_MAX, .of = self->bodies };
-    const size_t sizes[4] = { verge_road_memory_size(&road, NULL), verge_decider_memory_size(&self->def),
+    const size_t sizes[4] = { verge_road_memory_size(&road, NULL),
+                              verge_decider_memory_size(&self->def),
                               verge_predictor_memory_size(&self->def),
                               verge_sampler_memory_size(&self->def) };
     for (int i = 0; i < 4; ++i) {
@@ -212,7 +213,7 @@ static bool crowded(const verge_vehicle* vehicles, uint32_t count)
     return false;
 }
 
-// Scene number so and so of a seed.
+// The scene of this number and seed.
 static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed, uint32_t number)
 {
     static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
@@ -231,14 +232,15 @@ static void fill_scene(bench_scene* self, uint32_t planned, uint64_t seed, uint3
         v->controlled = i < planned;
         v->speed = 4.0 + 0.1 * vg_random_below(&random, 40);
         if (v->controlled) {
-            const bool left = lane == 0 || (lane < lane_total - 1 && vg_random_below(&random, 2) == 0);
+            const bool left =
+                lane == 0 || (lane < lane_total - 1 && vg_random_below(&random, 2) == 0);
             v->target_lane = (int32_t)lane + (left ? 1 : -1);
         }
     }
     (void)verge_scene_place(&self->scene, 0, vehicles, count, NULL);
 }
 
-// Nothing was decided before; the search draws from random stream `number`.
+// A decision without a previous one; the search uses random stream `number`.
 static void decide(bench_scene* self, uint32_t number)
 {
     verge_commitment commitment = { .decisions = number };
@@ -319,7 +321,7 @@ static int count_only(bench_scene* self, const settings* with)
 
 // ---------------------------------------------------------------------------- sampler
 
-// Whole trajectories of one vehicle among eight others; counted are the candidates they look at.
+// Whole trajectories of one vehicle among eight others; their candidates are counted.
 static void bench_sampler(bench_scene* self, const settings* with)
 {
     enum { others = 8 };
@@ -330,7 +332,8 @@ static void bench_sampler(bench_scene* self, const settings* with)
     (void)verge_predict(self->predictor, &self->scene, &self->decision, &self->tracks);
     const double start = cpu_seconds();
     for (uint32_t k = 0; k < repeats; ++k) {
-        (void)verge_plan_vehicle(self->sampler, &self->scene, &self->decisions[0], &self->tracks, NULL,
+        (void)verge_plan_vehicle(self->sampler, &self->scene, &self->decisions[0], &self->tracks,
+                                 NULL,
                                  &plan);
     }
     const double seconds = cpu_seconds() - start;
@@ -351,7 +354,7 @@ static int by_size(const void* a, const void* b)
 
 static const char* const cycle_names[] = { "freeway-4av-2hv", "ramp-case1", "roundabout" };
 
-/// Told before anything is printed: half a document is none.
+/// Checks the scenarios before the first output, so that no incomplete document is printed.
 static bool cycle_scenarios_load(const settings* with)
 {
     for (size_t k = 0; k < sizeof cycle_names / sizeof cycle_names[0]; ++k) {

@@ -6,7 +6,8 @@
 /// By value of verge_body_kind.
 static const char* const KIND_NAMES[] = { "car", "van", "bus", "truck", "articulated",
                                           "motorcycle", "bicycle", NULL };
-/// The length of an articulated truck is that of its tractor: more is the whole truck's. [m]
+/// The length of an articulated truck is that of its tractor. A larger value is taken for the
+/// length of the whole truck and refused. [m]
 static const double TRACTOR_LENGTH_MAX = 9.0;
 
 enum { KIND_UNKNOWN = -1, NUMBERS_MAX = 32 };
@@ -32,7 +33,7 @@ bool body_from_json(const json_at* vehicle, verge_vehicle* to)
         kind = (int)json_choice(vehicle, "body", KIND_NAMES);
     } else if (json_given(&at)) {
         if (!cJSON_IsObject(at.node)) {
-            return json_fail(&at, "is no body, expected the name of a kind or an object");
+            return json_fail(&at, "is not a body, expected the name of a kind or an object");
         }
         const json_at name = json_member(&at, "kind");
         kind = keys_expect(&at, params, count) && json_given(&name)
@@ -126,7 +127,7 @@ static bool body_expect(const json_at* at, const verge_body* body)
     }
     const json_at member = json_member(at, fault.field);
     return json_fail(json_given(&member) ? &member : at,
-                     "does not make a body: its %s of %g %s lies outside %g to %g %s, expected axles"
-                     " within the length and all numbers of a trailer", fault.field, fault.value,
-                     fault.unit, fault.min, fault.max, fault.unit);
+                     "does not make a body: its %s of %g %s lies outside %g to %g %s, expected"
+                     " axles within the length and all numbers of a trailer", fault.field,
+                     fault.value, fault.unit, fault.min, fault.max, fault.unit);
 }

@@ -61,7 +61,7 @@ typedef struct key_list {
     uint32_t    count;
 } key_list;
 
-/// Rows of one name stand together, so the last one tells whether it is there.
+/// Rows of one name are consecutive, so only the last name has to be compared.
 static void key_list_add(key_list* self, const char* name)
 {
     if (self->count == 0 || strcmp(self->keys[self->count - 1], name) != 0) {
@@ -197,7 +197,7 @@ static bool read_one(bus_options* self, const json_at* at, uint32_t index)
     return true;
 }
 
-/// Whether an address, a name or a file is any good is the bus's to judge.
+/// Only the type is checked here. The bus checks the address, the name or the file.
 static bool read_value(bus_options* self, const json_at* at, const transport_setting_def* def)
 {
     if (def->kind == TRANSPORT_SETTING_NUMBER) {
@@ -208,14 +208,14 @@ static bool read_value(bus_options* self, const json_at* at, const transport_set
     }
     const bool is_file = def->kind == TRANSPORT_SETTING_FILE;
     if (!cJSON_IsString(at->node) || at->node->valuestring[0] == '\0') {
-        return json_fail(at, is_file ? "is not a path, expected the name of a file"
+        return json_fail(at, is_file ? "is not a path, expected the path of a file"
                                      : "is not a name, expected the name or address of an "
                                        "interface, host or network");
     }
     return add(self, at, def->name, is_file ? json_path(at) : strdup(at->node->valuestring));
 }
 
-/// Takes the value, which is null where memory has run out.
+/// Takes over the value. A null value means that memory has run out.
 static bool add(bus_options* self, const json_at* at, const char* name, char* value)
 {
     const uint32_t     count = self->transport.setting_count;
@@ -223,7 +223,7 @@ static bool add(bus_options* self, const json_at* at, const char* name, char* va
         value != NULL ? realloc(self->settings, (count + 1) * sizeof *more) : NULL;
     if (more == NULL) {
         free(value);
-        return json_fail(at, "the system refused memory, expected less in use");
+        return json_fail(at, "out of memory");
     }
     more[count] = (transport_setting){ .name = name, .value = value };
     self->settings = more;
@@ -248,14 +248,14 @@ static uint32_t sum_up_file(uint32_t sum, const char* path)
     struct stat facts;
     memset(&facts, 0, sizeof facts);
     if (stat(path, &facts) != 0) {
-        return sum; // whoever opens it says so
+        return sum; // opening the file will report it
     }
     const int64_t signs[] = { sum, (int64_t)facts.st_ino, (int64_t)facts.st_size,
                               (int64_t)facts.st_mtim.tv_sec, (int64_t)facts.st_mtim.tv_nsec };
     return transport_crc32(signs, sizeof signs);
 }
 
-/// A renewed certificate or key comes under the old name; a reload has to notice.
+/// A renewed certificate or key has the old path; a reload has to detect it.
 static void sum_up_files(bus_options* self)
 {
     for (uint32_t i = 0; i < self->transport.setting_count; ++i) {
@@ -301,7 +301,7 @@ void bus_options_write(FILE* out, const bus_options* self)
     }
 }
 
-/// Is anything of a key given? What an object has, all of its members have.
+/// True: the key is given. An object is given if its first member is, because it has all members.
 static bool is_given(const bus_options* self, uint32_t index)
 {
     const transport_setting_def* def = row_at(index).def;

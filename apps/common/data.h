@@ -1,12 +1,12 @@
-/// Where the files lie that are installed beside the programs: share/verge next to their bin,
-/// wherever the two were put. The build folder is laid out the same way.
+/// The path of the data files that are installed with the programs: share/verge beside their bin,
+/// in any install folder. The build folder has the same layout.
 #ifndef VERGE_APPS_DATA_H
 #define VERGE_APPS_DATA_H
 
 enum { DATA_PATH_SIZE = 1024 };
 
-/// "<folder of this program>/../share/verge/NAME". Where the program's own place cannot be told,
-/// the path starts in the current folder; whoever opens it says what is missing.
+/// "<folder of this program>/../share/verge/NAME". If the folder of the program is unknown, the
+/// path starts in the current folder. The existence of the file is not checked.
 const char* data_path(char path[DATA_PATH_SIZE], const char* name);
 
 #endif

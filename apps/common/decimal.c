@@ -1,6 +1,7 @@
-/// See decimal.h. The C library rounds correctly both ways, so digits are added until the text
-/// reads back. Its nearest decimal of a length can miss where one of that length exists: above a
-/// power of two doubles lie twice as far apart as below, so there the decimal above is tried, too.
+/// See decimal.h. The C library rounds correctly in both directions, so digits are added until the
+/// text reads back as the same number. At a power of two the nearest decimal of a length can fail
+/// although another one of that length succeeds, because doubles above it are twice as far apart
+/// as below. There the next larger decimal is tried, too.
 #include "decimal.h"
 
 #include <assert.h>
@@ -11,9 +12,9 @@
 #include <string.h>
 
 enum {
-    DIGITS_MAX = 17,      // that every double needs at most
+    DIGITS_MAX = 17,      // enough for every double
     DIGITS_MAX_FLOAT = 9,
-    DIGITS_SURE = 15,     // a normal double keeps any decimal of so many digits
+    DIGITS_SURE = 15,     // a normal double represents every decimal of this many digits
     DIGITS_SURE_FLOAT = 6,
     FIXED_FROM = -4,      // powers of ten written without an exponent
     FIXED_BELOW = 16,
@@ -55,7 +56,7 @@ static void nearest(decimal* self, double value, int digits);
 static bool step_up(decimal* self, int digits);
 static void strip(decimal* self);
 
-/// least: with fewer digits there is nothing to find that least digits do not show as well.
+/// least: a number that has a shorter decimal has the same decimal, with zeros, at this length.
 static void shortest(decimal* self, double value, int least, int most, reads_back* same)
 {
     int ignored;
@@ -72,8 +73,8 @@ static void shortest(decimal* self, double value, int least, int most, reads_bac
     strip(self);
 }
 
-/// The correctly rounded decimal of so many digits. What the locale writes between the first digit
-/// and the others is passed over.
+/// The correctly rounded decimal of this many digits. The decimal separator of the locale is
+/// skipped.
 static void nearest(decimal* self, double value, int digits)
 {
     char text[64];
@@ -90,7 +91,7 @@ static void nearest(decimal* self, double value, int digits)
     self->exponent = atoi(c + 1);
 }
 
-/// The next decimal of so many digits. False: it would be 1 and zeros, which is shorter.
+/// The next larger decimal of this many digits. False: it is a power of ten, which is shorter.
 static bool step_up(decimal* self, int digits)
 {
     int at = digits - 1;

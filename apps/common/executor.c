@@ -114,7 +114,7 @@ static void* help(void* context)
     pthread_mutex_lock(&pool->mutex);
     while (!pool->closing) {
         take_tasks(pool);
-        // A new run may have begun while the last task was under way: look before sleeping.
+        // A new run may have begun during the last task, so test for tasks before waiting.
         if (!pool->closing && pool->next >= pool->count) {
             pthread_cond_wait(&pool->work_ready, &pool->mutex);
         }

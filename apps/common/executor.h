@@ -24,11 +24,11 @@ typedef struct executor executor;
 
 enum { EXECUTOR_THREADS_MAX = 64 };
 
-/// threads: 1 .. EXECUTOR_THREADS_MAX, with the caller. Null: the system refuses; see errno.
+/// threads: 1 .. EXECUTOR_THREADS_MAX, including the caller. Null: the reason is in errno.
 executor* executor_create(uint32_t threads);
 /// The same with options for the helpers (null: as the caller).
 executor* executor_create_with(uint32_t threads, const thread_options* options);
-void executor_destroy(executor* pool); ///< null is fine
+void executor_destroy(executor* pool); ///< null: no effect
 
 /// A verge_executor: context is the pool.
 void executor_run(void* context, void (*task)(void* arg, uint32_t index), void* arg,

@@ -7,8 +7,8 @@
 
 #include <xmmintrin.h>
 
-/// MXCSR: all exceptions masked, to nearest, no flush to zero, subnormals are not zeros. Its lower
-/// six bits only tell what has happened.
+/// MXCSR: all exceptions masked, rounding to nearest, no flush to zero, subnormals are not zeros.
+/// Its lower six bits are status flags.
 enum { MODE = 0x1f80, MODE_BITS = 0xffc0 };
 
 bool floating_correct(void)

@@ -1,15 +1,14 @@
-/// The floating-point mode that plans depend on: rounding to nearest, subnormal numbers kept.
+/// The floating-point mode that plans require: rounding to nearest, subnormal numbers kept.
 ///
-/// Any shared library built with -Ofast or -ffast-math switches it off for the thread that loads
-/// it, and every thread started from there inherits that. Plans would then differ in a bit here and
-/// there from every other machine's.
+/// A shared library built with -Ofast or -ffast-math changes this mode for the thread that loads it
+/// and for all threads started from it. Plans would then differ in single bits from those of other
+/// machines.
 #ifndef VERGE_APPS_FLOATING_H
 #define VERGE_APPS_FLOATING_H
 
 #include <stdbool.h>
 
-/// Is the calling thread in that mode? If not, it is from here on. True: it had to be corrected.
-/// Costs a few nanoseconds.
+/// Sets the mode of the calling thread. True: the mode was wrong. Takes a few nanoseconds.
 bool floating_correct(void);
 
 #endif

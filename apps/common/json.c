@@ -1,5 +1,5 @@
-/// See json.h. The parser is cJSON's; the text is checked before (json_syntax.h), and what is left
-/// (keys that appear twice, numbers that overflow) over the whole document once.
+/// See json.h. The syntax is checked first (json_syntax.h), then cJSON parses the text, and then
+/// the whole document is checked for keys that appear twice and numbers that overflow.
 #include "json.h"
 
 #include "decimal.h"
@@ -20,7 +20,7 @@ static void check_values(const json_at* at);
 static void path_write(const json_at* at, char* text, size_t size);
 static const char* kind_of(const json_at* at);
 
-/// Integers beyond this are not kept exactly by a double.
+/// A double represents all integers up to this one exactly.
 static const double INTEGER_EXACT_MAX = 9007199254740992.0; // 2^53
 
 bool json_file_load(json_file* file, const char* path)
@@ -43,7 +43,7 @@ bool json_file_load(json_file* file, const char* path)
 bool json_file_parse(json_file* file, const char* name, const char* text, size_t size)
 {
     *file = (json_file){ .name = strdup(name) };
-    char* copy = malloc(size + 1); // with the end that the parser wants
+    char* copy = malloc(size + 1); // with a terminating zero for the parser
     if (copy == NULL || file->name == NULL) {
         snprintf(file->error, sizeof file->error, "%s:file: out of memory\n", name);
     } else {
@@ -258,7 +258,7 @@ char* json_path(const json_at* at)
     char* joined = json_join(at);
     char* absolute = joined != NULL ? realpath(joined, NULL) : NULL;
     if (absolute == NULL) {
-        return joined; // there is no such file: whoever opens it says so
+        return joined; // there is no such file; opening it will report that
     }
     free(joined);
     return absolute;
@@ -334,7 +334,7 @@ uint64_t json_as_u64(const json_at* at)
     return value;
 }
 
-/// The whole of a regular file of at most JSON_FILE_SIZE_MAX bytes. Null, or why not.
+/// Reads a regular file of at most JSON_FILE_SIZE_MAX bytes. Null: the reason is reported.
 static const char* read_file(const char* path, char** text, size_t* size)
 {
     const char* reason = NULL;
@@ -370,8 +370,7 @@ static const char* read_file(const char* path, char** text, size_t* size)
     return NULL;
 }
 
-/// Where text stops being UTF-8 without null bytes; size: nowhere. What passes here can be
-/// written out again as it is.
+/// The position of the first byte that is zero or not UTF-8; size: there is none.
 static size_t text_end(const char* text, size_t size)
 {
     size_t i = 0;

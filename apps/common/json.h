@@ -1,4 +1,4 @@
-/// Reading JSON so that whoever wrote a wrong file learns at once where and why.
+/// Reading JSON, with an error line that names the place and the fault.
 ///
 ///     json_file file;
 ///     if (!json_file_load(&file, path)) { fputs(file.error, stderr); return 2; }
@@ -7,16 +7,15 @@
 ///     double width = json_double(&road, "width", 1.5, 20.0);
 ///     if (file.error[0] != '\0') ...
 ///
-/// Errors      Nothing returns a status: the first trouble is written to json_file.error as one
-///             line `file:field: what is wrong, what was expected` (the field as a path such as
-///             road.lanes[3].width; a syntax error names the line instead) and later troubles
-///             are ignored. After it the getters still return a value inside the asked range.
-/// Strictness  RFC 8259 to the letter (json_syntax.h: the first fault with its line and words), and
-///             besides: numbers too large for a double, a key that appears twice, objects of more
-///             than JSON_KEYS_MAX keys, files above JSON_FILE_SIZE_MAX and what is no regular file
-///             (a FIFO, a device, a directory) are refused. null is a value of the wrong type
-///             wherever it is not said to mean "none".
-/// Memory      Heap, until json_file_free(). This is for start-up only.
+/// Errors      The first fault is written to json_file.error as one line
+///             `file:field: what is wrong, what was expected`. The field is a path such as
+///             road.lanes[3].width; a syntax error has the number of its line instead. Later faults
+///             are ignored. After a fault the getters still return a value inside the given range.
+/// Strictness  RFC 8259 exactly (json_syntax.h). Also refused are numbers too large for a double,
+///             keys that appear twice, objects of more than JSON_KEYS_MAX keys, files above
+///             JSON_FILE_SIZE_MAX, and files that are not regular (FIFO, device, directory). null
+///             is a value of the wrong type, except where it is documented to mean "none".
+/// Memory      Heap, until json_file_free(). For start-up and reloads only.
 #ifndef VERGE_APPS_JSON_H
 #define VERGE_APPS_JSON_H
 
@@ -27,26 +26,26 @@
 
 enum { JSON_FILE_SIZE_MAX = 64 << 20 }; ///< [B]
 enum { JSON_ERROR_SIZE = 512 };         ///< [B]
-/// Keys of one object. No object of ours has half as many, and looking all of them up takes
-/// time that grows with the square of their number.
+/// Keys of one object. No object of verge's formats has half as many. The limit bounds the time to
+/// look up all of them, which grows with the square of their number.
 enum { JSON_KEYS_MAX = 128 };
 
 typedef struct json_file {
     char*  name;      ///< as it appears in error lines
     cJSON* document;
     bool   missing;   ///< the file could not be opened or read (the daemon's exit code differs)
-    char   error[JSON_ERROR_SIZE]; ///< one line with its newline; empty: no trouble so far
+    char   error[JSON_ERROR_SIZE]; ///< one line with its newline; empty: no fault so far
 } json_file;
 
-/// False: see file->error; nothing is left to free.
+/// False: the reason is in file->error, and there is nothing to free.
 bool json_file_load(json_file* file, const char* path);
 /// The same from text in memory; `name` stands for the file in error lines.
 bool json_file_parse(json_file* file, const char* name, const char* text, size_t size);
-/// The error line stays.
+/// Keeps the error line.
 void json_file_free(json_file* file);
 
-/// A place in a document: the value and how one got there. Lives on the caller's stack and
-/// refers to the place it was taken from.
+/// A place in a document: a value and its path. It refers to the place of its parent, which has to
+/// live as long.
 typedef struct json_at {
     json_file* file;
     const struct json_at* parent; ///< null at the root
@@ -56,21 +55,21 @@ typedef struct json_at {
 } json_at;
 
 json_at json_root(json_file* file);
-/// node may come out null; a parent that is absent or no object has no members.
+/// The node is null if `of` is absent, is not an object, or has no such member.
 json_at json_member(const json_at* of, const char* key);
-/// For walking an array: node is of's child, index its position.
+/// An element of an array: node is a child of `of`, index its position.
 json_at json_element(const json_at* of, const cJSON* node, uint32_t index);
-/// Present, whatever it is.
+/// Present, with a value of any type.
 bool json_given(const json_at* at);
-/// Absent or null: for the places where null means "none".
+/// Absent or null: for fields where null means "none".
 bool json_none(const json_at* at);
 
-/// Reports trouble at this place: "what is wrong, what was expected". Returns false.
+/// Reports a fault at this place: "what is wrong, what was expected". Returns false.
 bool json_fail(const json_at* at, const char* format, ...) __attribute__((format(printf, 2, 3)));
 
-/// Is it an object with no other keys than these (null-terminated list)? Else reports the key.
+/// True: an object with no other keys than these (null-terminated list). Otherwise reports the key.
 bool json_expect_object(const json_at* at, const char* const* keys);
-/// Is it an array of min .. max elements? The number of elements; min where it is none.
+/// The number of elements of an array of min .. max elements. Otherwise reports and returns min.
 uint32_t json_expect_array(const json_at* at, uint32_t min, uint32_t max);
 
 // Values of members. The range is inclusive. The first form reports an absent field, the form
@@ -82,22 +81,22 @@ int64_t     json_integer(const json_at* of, const char* key, int64_t min, int64_
 int64_t     json_integer_or(const json_at* of, const char* key, int64_t min, int64_t max,
                             int64_t otherwise);
 bool        json_bool_or(const json_at* of, const char* key, bool otherwise);
-/// Valid as long as the file. "" where reported.
+/// Valid as long as the file. "" after a fault.
 const char* json_string(const json_at* of, const char* key);
 const char* json_string_or(const json_at* of, const char* key, const char* otherwise);
-/// One of the null-terminated names: its index. 0 where reported.
+/// The index of the value in a null-terminated list of names. 0 after a fault.
 uint32_t    json_choice(const json_at* of, const char* key, const char* const* names);
 
-/// A string member that names a file, from any folder: a relative path starts in the folder of
-/// the file it is written in. To be freed; null: out of memory. at must be a string.
+/// The path of a file from a string value, valid in any working folder: a relative path starts in
+/// the folder of the JSON file. To be freed; null: out of memory. at must be a string.
 char*   json_path(const json_at* at);
-/// The same for a file that may not exist yet: only joined, symbolic links are not followed.
+/// The same for a file that may not exist yet: symbolic links are not followed.
 char*   json_join(const json_at* at);
 
 // Values of the place itself.
 double  json_as_double(const json_at* at, double min, double max);
 int64_t json_as_integer(const json_at* at, int64_t min, int64_t max);
-/// Any 64-bit number. JSON readers keep 53 bits, so larger ones are written as a string of digits.
+/// A 64-bit number. JSON readers keep 53 bits, so a larger number is written as a string of digits.
 uint64_t json_as_u64(const json_at* at);
 
 #endif

@@ -132,7 +132,7 @@ static bool array_scan(scanner* self)
     return true;
 }
 
-/// The code of \uXXXX here; 0: there is none (\u0000 is refused, too: our texts end with it).
+/// The code of \uXXXX here; 0: there is none. \u0000 is refused, because texts end with zero.
 static unsigned unicode_at(const char* at)
 {
     unsigned code = 0;
@@ -150,14 +150,14 @@ static bool escape_scan(scanner* self)
         const bool     low = code >= 0xdc00 && code < 0xe000;
         const unsigned second = high ? unicode_at(self->at + 6) : 0;
         if (code == 0 || low || (high && !(second >= 0xdc00 && second < 0xe000))) {
-            return refuse(self, self->at, "\"%.6s\" is no character, expected \\u and four"
+            return refuse(self, self->at, "\"%.6s\" is not a character, expected \\u and four"
                           " hexadecimal digits, above ffff a pair of them", self->at);
         }
         self->at += high ? 12 : 6;
         return true;
     }
     if (self->at[1] == '\0' || strchr("\"\\/bfnrt", self->at[1]) == NULL) {
-        return refuse(self, self->at, "\"%.2s\" is no escape of JSON, expected one of"
+        return refuse(self, self->at, "\"%.2s\" is not a JSON escape, expected one of"
                       " \\\" \\\\ \\/ \\b \\f \\n \\r \\t \\u", self->at);
     }
     self->at += 2;
@@ -193,7 +193,7 @@ static const char* digits_skip(const char* at)
     return at + strspn(at, "0123456789");
 }
 
-/// The end of a number spelled as in RFC 8259, section 6; null: there is none here.
+/// The end of a number in the form of RFC 8259, section 6; null: there is none here.
 static const char* number_end(const char* at)
 {
     at += *at == '-';
@@ -220,7 +220,7 @@ static const char* number_end(const char* at)
     return at;
 }
 
-/// How far a word reaches: what its author meant as one value.
+/// Length of the text up to the next separator, as shown in a fault.
 static int word_length(const char* at)
 {
     const size_t length = strcspn(at, " \t\r\n,:[]{}\"");
@@ -231,7 +231,7 @@ static bool number_scan(scanner* self)
 {
     const size_t length = strcspn(self->at, " \t\r\n,:[]{}\"");
     if (number_end(self->at) != self->at + length) {
-        return refuse(self, self->at, "\"%.*s\" is no number of JSON, expected one like 15, 15.0 or"
+        return refuse(self, self->at, "\"%.*s\" is not a JSON number, expected one like 15, 15.0 or"
                                       " 1e-3", word_length(self->at), self->at);
     }
     self->at += length;
@@ -248,7 +248,8 @@ static bool word_scan(scanner* self)
             return true;
         }
     }
-    return unexpected(self, "a value: a number, a string, true, false, null, an object or an array");
+    return unexpected(self, "a value: a number, a string, true, false, null, an object or an"
+                            " array");
 }
 
 static void space_skip(scanner* self)
@@ -265,7 +266,7 @@ static uint32_t line_of(const scanner* self, const char* at)
     return line;
 }
 
-/// What stands here, against what the grammar wants here.
+/// Reports the text at this position and what the grammar expects there.
 static bool unexpected(scanner* self, const char* expected)
 {
     if (*self->at == '\0') {

@@ -1,22 +1,22 @@
-/// What is wrong with a text that is no JSON (RFC 8259), in words for its author.
+/// Checks that a text is JSON (RFC 8259) and reports its first fault in plain words.
 ///
-/// The parser (cJSON) says where it stopped and not why, and it lets pass what is no JSON: numbers
-/// as C spells them (015, 15.), line breaks in strings.
+/// The parser (cJSON) reports where it stopped but not why, and it accepts texts that are not JSON:
+/// numbers in C notation (015, 15.) and line breaks in strings.
 #ifndef VERGE_APPS_JSON_SYNTAX_H
 #define VERGE_APPS_JSON_SYNTAX_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { JSON_DEPTH_MAX = 1000 }; ///< objects and arrays inside each other; the parser's limit
+enum { JSON_DEPTH_MAX = 1000 }; ///< nested objects and arrays; the parser's limit
 
 typedef struct json_syntax_fault {
     uint32_t line;      ///< from 1: where the text has to be changed
     char     what[200]; ///< "what is wrong, what was expected"
 } json_syntax_fault;
 
-/// One document and nothing after it; a byte order mark before it is fine. text: ends with a zero
-/// byte. False: *fault is the first trouble.
+/// One document with nothing after it; a byte order mark before it is accepted. text: ends with a
+/// zero byte. False: *fault is the first fault.
 bool json_syntax_check(const char* text, json_syntax_fault* fault);
 
 #endif

@@ -65,8 +65,8 @@ static void add_struct(text* out, const message_struct* of, const char* at)
     text_add(out, "}");
 }
 
-/// A count is its array's length. The transport puts the checksum into what it sends: what was not
-/// sent has none.
+/// A count is omitted, because its array has that length. The transport computes the checksum when
+/// it sends, so a message that was not sent has none.
 static bool is_left_out(const message_field* field, const char* at)
 {
     static const int32_t none;

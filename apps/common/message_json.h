@@ -1,6 +1,6 @@
-/// The messages of the bus as JSON, every field by its name on the wire, in the order of the wire.
-/// NaN is null; a digest is 16 hexadecimal digits in quotes, a checksum 8; crc32 is left out where
-/// it is 0, of messages that have not been sent; an array has its elements in use and no count.
+/// The messages of the bus as JSON: every field by its name and in its order on the wire. NaN is
+/// null. A digest is a string of 16 hexadecimal digits, a checksum one of 8. A crc32 of 0, of a
+/// message that was not sent, is omitted. An array has its used elements and no count.
 #ifndef VERGE_APPS_MESSAGE_JSON_H
 #define VERGE_APPS_MESSAGE_JSON_H
 
@@ -8,7 +8,7 @@
 
 #include "verge/transport.h"
 
-/// The largest a plan gets: [B].
+/// [B] Size of the largest plan.
 enum { MESSAGE_JSON_MAX = 8192 };
 
 /// message is the struct of this kind: a state, a plan or a status.

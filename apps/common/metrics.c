@@ -12,7 +12,7 @@ static void intention_check(metrics_vehicle* vehicle, const world* world,
                             const world_vehicle* there);
 static void end_check(metrics_vehicle* vehicle, const world* world, const world_vehicle* there);
 static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b);
-static metrics_direction way_of_road(const world* world, const world_vehicle* there);
+static metrics_direction road_direction(const world* world, const world_vehicle* there);
 static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_vehicle* other);
 static metrics_direction direction_of(double heading);
 static double mean_of(const metrics* self, size_t offset);
@@ -25,9 +25,10 @@ static const double REACHED_OFFSET = 0.5;
 /// The paper's gap: among vehicles this close laterally, less one car's length. [m]
 static const double GAP_LATERAL = 2.0;
 static const double GAP_LENGTH = 5.0;
-/// Cosine of the largest angle between two that drive the same way: who crosses is gone in time.
+/// Cosine of the largest angle between the headings of two vehicles that drive in the same
+/// direction. A crossing vehicle has no time to collision.
 static const double SAME_WAY = 0.7;
-/// Slower closing is rounding: two at standstill never meet. [m/s]
+/// A smaller closing speed is rounding, as between two vehicles at standstill. [m/s]
 static const double CLOSING_MIN = 1e-3;
 static const double PI = 3.14159265358979323846;
 
@@ -38,8 +39,8 @@ bool metrics_init(metrics* self, const world* world)
                        .min_center_gap = INFINITY, .min_ttc = INFINITY };
     self->vehicles = calloc(count + 1, sizeof *self->vehicles);
     self->touched = calloc((size_t)count * count + 1, sizeof *self->touched);
-    self->road_ways = calloc(count + 1, sizeof *self->road_ways);
-    if (self->vehicles == NULL || self->touched == NULL || self->road_ways == NULL) {
+    self->road_directions = calloc(count + 1, sizeof *self->road_directions);
+    if (self->vehicles == NULL || self->touched == NULL || self->road_directions == NULL) {
         metrics_free(self);
         return false;
     }
@@ -62,7 +63,7 @@ void metrics_free(metrics* self)
 {
     free(self->vehicles);
     free(self->touched);
-    free(self->road_ways);
+    free(self->road_directions);
     free(self->cycle_ms);
     *self = (metrics){ 0 };
 }
@@ -70,7 +71,7 @@ void metrics_free(metrics* self)
 void metrics_tick(metrics* self, const world* world)
 {
     for (uint32_t i = 0; i < self->vehicle_count; ++i) {
-        self->road_ways[i] = way_of_road(world, &world->vehicles[i]);
+        self->road_directions[i] = road_direction(world, &world->vehicles[i]);
     }
     for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         const world_vehicle* vehicle = &world->vehicles[i];
@@ -170,7 +171,7 @@ void metrics_write(FILE* out, const metrics* self, bool timing, const char* line
         { "max_abs_curvature", self->max_abs_curvature },
         { "fallbacks", (double)self->fallbacks },
         { "nodes_mean", self->nodes > 0 ? (double)self->nodes / (double)self->cycles
-                                        : (double)NAN }, // plans from a bus do not tell
+                                        : (double)NAN }, // plans from a bus do not have it
     };
     fprintf(out, "{\"success\":%s,%s", metrics_success(self) ? "true" : "false", line);
     counts_write(out, self, line);
@@ -198,7 +199,7 @@ double percentile(const double* sorted, uint32_t count, double share)
     return sorted[(uint32_t)index];
 }
 
-/// What would count if the run ended here.
+/// The conditions that count at the end of the run.
 static void end_check(metrics_vehicle* vehicle, const world* world, const world_vehicle* there)
 {
     const bool controlled = there->state.controlled;
@@ -206,7 +207,7 @@ static void end_check(metrics_vehicle* vehicle, const world* world, const world_
     vehicle->standing = controlled && standing_without_cause(world, there);
 }
 
-/// Latches the first instants in the target lane and near its centreline.
+/// Stores the first instants in the target lane and near its centreline.
 static void intention_check(metrics_vehicle* vehicle, const world* world,
                             const world_vehicle* there)
 {
@@ -235,17 +236,19 @@ static void intention_check(metrics_vehicle* vehicle, const world* world,
     }
 }
 
-/// Which way the road leads where a vehicle is; its own way where it is on no lane.
-static metrics_direction way_of_road(const world* world, const world_vehicle* there)
+/// Direction of the lane at the position of a vehicle; its own heading if it is on no lane.
+static metrics_direction road_direction(const world* world, const world_vehicle* there)
 {
     const verge_vehicle* state = &there->state;
     if (there->lane == VERGE_NO_LANE) {
         return direction_of(state->heading);
     }
-    return direction_of(verge_road_project_on(world->road, there->lane, state->x, state->y).heading);
+    const verge_lane_position at =
+        verge_road_project_on(world->road, there->lane, state->x, state->y);
+    return direction_of(at.heading);
 }
 
-/// The paper's gap, beside a road that leads this way.
+/// The paper's gap, for this direction of the road.
 static void gap_check(metrics* self, metrics_direction road, const verge_vehicle* one,
                       const verge_vehicle* other)
 {
@@ -272,11 +275,11 @@ static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b
     }
     ahead_check(self, one, other);
     ahead_check(self, other, one);
-    gap_check(self, self->road_ways[a], one, other);
-    gap_check(self, self->road_ways[b], one, other);
+    gap_check(self, self->road_directions[a], one, other);
+    gap_check(self, self->road_directions[b], one, other);
 }
 
-/// The other vehicle as ego sees it.
+/// Updates the time to collision of ego with the other vehicle.
 static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_vehicle* other)
 {
     const metrics_direction mine = direction_of(ego->heading);
@@ -294,8 +297,8 @@ static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_veh
     }
 }
 
-/// Cosine and sine by their series, within 1e-15: libm's last bit depends on the processor, and
-/// the same run is to print the same bytes. heading: in [-pi, pi].
+/// Cosine and sine by their series, within 1e-15. The last bit of libm's depends on the processor,
+/// and a run has to print the same bytes on all of them. heading: in [-pi, pi].
 static metrics_direction direction_of(double heading)
 {
     const double half = 0.5 * fmin(fmax(heading, -PI), PI); // the series is short up to pi / 2
@@ -310,7 +313,7 @@ static metrics_direction direction_of(double heading)
     return (metrics_direction){ .x = cosine * cosine - sine * sine, .y = 2.0 * sine * cosine };
 }
 
-/// Of those that set out for another lane and got there.
+/// The mean over the vehicles that reached a target lane other than that of their start.
 static double mean_of(const metrics* self, size_t offset)
 {
     double   sum = 0.0;

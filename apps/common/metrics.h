@@ -1,4 +1,4 @@
-/// What a closed-loop run was like, tick by tick and cycle by cycle.
+/// The metrics of a closed-loop run, collected at each tick and each planning cycle.
 ///
 /// success          every intention of a controlled vehicle reached by the end of the run, no
 ///                  contact of a controlled vehicle, none off the road and none standing without a
@@ -9,23 +9,22 @@
 ///                  of the road is not off it
 /// standing         controlled vehicles that stand at the end without a cause
 /// finish_time      [s] per vehicle: first tick at which its centre is in the target lane or in
-///                  a lane that continues it; `mean` is that of the vehicles that got there
+///                  a lane that continues it; `mean` is that of the vehicles that reached it
 /// reached_time     [s] the same, but within 0.5 m of that lane's centreline
-///                  A vehicle that starts in its target lane (it keeps it) counts for success
-///                  and is not listed in these two. Null: not reached.
+///                  A vehicle that starts in its target lane counts for success and is not listed
+///                  in these two. Null: not reached.
 /// min_distance     [m] between two bodies, over all pairs and ticks
-/// min_center_gap   [m] the paper's: distance of centres less 5 m, of vehicles within 2 m of
-///                  each other across the road (across its own way for one on no lane; the
-///                  paper's d is across the road, too: a body that is turned in a lane change
-///                  has others beside its nose that are two lanes away)
-/// min_ttc          [s] gap over closing speed of a vehicle and one ahead of it that drives the
-///                  same way (within 45 degrees) and overlaps it laterally
+/// min_center_gap   [m] as in the paper: distance of centres less 5 m, of vehicles within 2 m of
+///                  each other across the road. "Across" is measured from the direction of the
+///                  lane, or from the heading of a vehicle on no lane.
+/// min_ttc          [s] gap over closing speed of a vehicle and one ahead of it that drives in the
+///                  same direction (within 45 degrees) and overlaps it laterally
 /// max_abs_*        over controlled vehicles, at each tick
 /// fallbacks        vehicle plans that were fallbacks
 /// nodes_mean       [1] search nodes a cycle
 /// cycle_ms         [ms] of planning: p50, p99 (nearest rank), max
 ///
-/// Quantities of which there was nothing to measure are infinite or NaN here, null in JSON.
+/// A quantity without any measurement is infinite or NaN here, null in JSON.
 #ifndef VERGE_APPS_METRICS_H
 #define VERGE_APPS_METRICS_H
 
@@ -50,7 +49,7 @@ typedef struct metrics {
     uint32_t         vehicle_count;
     metrics_vehicle* vehicles;     ///< in the scenario's order
     bool*            touched;      ///< [vehicle][vehicle]
-    metrics_direction* road_ways;  ///< in the scenario's order, of the present tick
+    metrics_direction* road_directions; ///< in the scenario's order, of the present tick
     uint32_t collisions, collisions_human;
     double   min_distance, min_center_gap, min_ttc;
     double   max_abs_acceleration, max_abs_jerk, max_abs_curvature;
@@ -63,19 +62,20 @@ typedef struct metrics {
 bool metrics_init(metrics* self, const world* world);
 void metrics_free(metrics* self);
 
-/// The world as it is at one tick.
+/// Adds the state of the world at one tick.
 void metrics_tick(metrics* self, const world* world);
 /// One planning cycle. ms: how long it took [ms]; negative: not measured.
 void metrics_cycle(metrics* self, const verge_plan* plan, double ms);
 
 bool   metrics_success(const metrics* self);
-/// The paper's success: every intention reached and no contact, whatever holds at the end. For runs
-/// that end after the last decision, where vehicles have braked to a standstill.
+/// The paper's success: every intention reached and no contact; the state at the end has no
+/// influence. For runs that end after the last decision, where vehicles have braked to a
+/// standstill.
 bool   metrics_reached(const metrics* self);
-double metrics_finish_mean(const metrics* self);  ///< [s] NaN: nobody finished
-double metrics_reached_mean(const metrics* self); ///< [s] NaN: nobody finished
+double metrics_finish_mean(const metrics* self);  ///< [s] NaN: no vehicle finished
+double metrics_reached_mean(const metrics* self); ///< [s] NaN: no vehicle finished
 
-/// {"success": .., ...}. timing: with cycle_ms. line: what separates the fields, "" or "\n".
+/// {"success": .., ...}. timing: with cycle_ms. line: separator of the fields, "" or "\n".
 void metrics_write(FILE* out, const metrics* self, bool timing, const char* line);
 
 /// Smallest value that at least `share` (0 .. 1] of the sorted values do not exceed; NaN: none.

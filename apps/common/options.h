@@ -4,7 +4,7 @@
 ///     bool quiet = false;
 ///     const option_entry table[] = {
 ///         { "--out", "FILE", "writes the run to FILE", &out, NULL },
-///         { "--quiet", NULL, "says nothing", NULL, &quiet },
+///         { "--quiet", NULL, "prints nothing", NULL, &quiet },
 ///     };
 ///     const program self = { "verge-x", "SCENARIO.json", "does x.", table, 2, 2 };
 ///     const char* path;
@@ -35,8 +35,8 @@ typedef struct program {
     int                 usage_status; ///< exit status of a wrong command line
 } program;
 
-/// True: go on. False: return *status from main (help or version was printed, or one line on
-/// standard error says what is wrong). argument may be null where there is none.
+/// True: continue. False: return *status from main; help or version was printed, or one line on
+/// standard error names the fault. argument may be null for a program without one.
 bool options_parse(const program* self, int argc, char** argv, const char** argument, int* status);
 
 /// The value of an option as a number. text null: absent, *value stays and *given is false.

@@ -9,7 +9,7 @@
 
 static void remove_partial(int signal_number);
 
-/// What a signal has to remove; "" while nothing is open.
+/// The file that a signal has to remove; "": none.
 static char guarded[sizeof((output*)0)->partial];
 
 bool output_open(output* out, const char* path)
@@ -74,12 +74,18 @@ void output_abandon(output* out)
     guarded[0] = '\0';
 }
 
+void output_report(const char* path)
+{
+    fprintf(stderr, "%s:file: cannot be written (%s), expected a file with free space\n", path,
+            strerror(errno));
+}
+
 bool output_flush(const char* program)
 {
     const bool written = fflush(stdout) == 0 && !ferror(stdout);
     if (!written) {
-        fprintf(stderr, "%s:standard output: cannot be written (%s), expected a stream with room\n",
-                program, strerror(errno));
+        fprintf(stderr, "%s:standard output: cannot be written (%s), expected an open stream with"
+                        " free space\n", program, strerror(errno));
     }
     return written;
 }

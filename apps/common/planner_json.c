@@ -12,7 +12,7 @@ static uint32_t search_from_json(const json_at* at);
 static const char* const SEARCH_NAMES[] = { "paper", "best", NULL };
 /// By value of verge_habit_kind.
 static const char* const HABIT_NAMES[] = { "aggressive", "normal", "conservative", NULL };
-/// No cost term is meant to weigh more; it keeps the sum of costs finite. [1]
+/// Largest weight of a cost term. It keeps the sum of costs finite. [1]
 static const double WEIGHT_MAX = 1e6;
 
 bool planner_def_from_json(const json_at* at, verge_planner_def* def)
@@ -23,7 +23,7 @@ bool planner_def_from_json(const json_at* at, verge_planner_def* def)
         return at->file->error[0] == '\0';
     }
     if (!cJSON_IsObject(at->node)) {
-        return json_fail(at, "is no object, expected one with parameters of the planner");
+        return json_fail(at, "is not an object, expected one with parameters of the planner");
     }
     for (const cJSON* node = at->node->child; node != NULL; node = node->next) {
         const json_at member = json_member(at, node->string);
@@ -92,8 +92,8 @@ bool habit_from_json(const json_at* at, verge_habit* habit)
         return at->file->error[0] == '\0';
     }
     if (!cJSON_IsObject(at->node)) {
-        return json_fail(at, "is no habit, expected \"aggressive\", \"normal\", \"conservative\" or"
-                             " an object with cooperation and weights");
+        return json_fail(at, "is not a habit, expected \"aggressive\", \"normal\", \"conservative\""
+                             " or an object with cooperation and weights");
     }
     const json_at weights = json_member(at, "weights");
     if (!json_expect_object(at, keys) || !json_expect_object(&weights, weight_keys)) {

@@ -1,6 +1,6 @@
-/// Planner parameters and habits from JSON and back: every scalar field of verge_planner_def by
-/// its own name, as verge_planner_params() lists them. `search` is written by name ("paper",
-/// "best"); a seed above 2^53 as a string of digits.
+/// Planner parameters and habits from and to JSON: every scalar field of verge_planner_def by its
+/// name, as verge_planner_params() lists them. `search` is written by name ("paper", "best"), a
+/// seed above 2^53 as a string of digits.
 #ifndef VERGE_APPS_PLANNER_JSON_H
 #define VERGE_APPS_PLANNER_JSON_H
 

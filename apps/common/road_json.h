@@ -6,16 +6,16 @@
 ///
 /// centerline [m] in travel direction, 2 to 1,024 points; width [m]; speed_limit [m/s]. left,
 /// right (null or absent: none) and successors (absent: none) are lane ids. change_left and
-/// change_right: the stretches [m] of this lane where changing is allowed (absent: wherever the
-/// neighbour runs beside; empty: nowhere). What makes a road buildable: verge_road_check().
+/// change_right: the sections [m] of this lane where a lane change is allowed (absent: along the
+/// whole neighbour; empty: none). The conditions that a road has to meet: verge_road_check().
 #ifndef VERGE_APPS_ROAD_JSON_H
 #define VERGE_APPS_ROAD_JSON_H
 
 #include "json.h"
 #include "verge/road.h"
 
-/// Reads the road at `at`. def and the memory behind it are the caller's to free with
-/// road_json_free(), also where false is returned (trouble in at->file->error).
+/// Reads the road at `at`. The caller frees def with road_json_free(), also if false is returned
+/// (reason in at->file->error).
 bool road_from_json(const json_at* at, verge_road_def* def);
 void road_json_free(verge_road_def* def);
 

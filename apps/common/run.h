@@ -1,20 +1,20 @@
-/// The run file, format "verge-run/1": JSON Lines that tell a closed-loop run from its first
-/// tick to its metrics. Line by line:
+/// The run file, format "verge-run/1": JSON Lines with a closed-loop run from its first tick to its
+/// metrics:
 ///
 ///     {"format":"verge-run/1","scenario":{..., every parameter as used},"dt":0.1}
 ///     {"t":..,"vehicles":[[id,x,y,heading,speed,acceleration,lane,action,brake,turn],..]}
 ///     {"t":..,"plan":{the plan document}}        after the tick of its cycle
 ///     {"metrics":{..}}                           last
 ///
-/// A run on a bus (verge-publish) holds besides what its plans were made from, so that it can be
-/// planned again. The first line has "start_utime", the instant [us] of t = 0: the states of a tick
-/// were sent with the utime start_utime + t. A tick has "yaw_rates" [rad/s], one for each vehicle
-/// (null: unknown), which its rows do not hold. A plan has the "cycle" of the roadside unit,
-/// "valid_until_utime" [us] and "state_utimes" [us], for each of its vehicles the utime of the state
-/// that it was planned from; what was sent because a plan was late has none of the three.
+/// A run on a bus (verge-publish) also holds the inputs of its plans, so that it can be planned
+/// again. The first line has "start_utime", the instant [us] of t = 0: the states of a tick were
+/// sent with the utime start_utime + t. A tick has "yaw_rates" [rad/s], one for each vehicle (null:
+/// unknown). A plan has the "cycle" of the roadside unit, "valid_until_utime" [us] and
+/// "state_utimes" [us]: for each vehicle the utime of the state from which it was planned. A plan
+/// that was sent because a cycle was late has none of the three.
 ///
 /// lane: the one that contains the centre, or null. action: the step of the plan that is active
-/// at t ("KS" ..), or null where none is (humans). brake: true or false. turn: "right", "none",
+/// at t ("KS" ..), or null (uncontrolled vehicles). brake: true or false. turn: "right", "none",
 /// "left".
 #ifndef VERGE_APPS_RUN_H
 #define VERGE_APPS_RUN_H
@@ -25,9 +25,9 @@ void run_write_head(FILE* out, const scenario* scene);
 void run_write_tick(FILE* out, const world* world);
 void run_write_plan(FILE* out, const world* world, const verge_plan* plan);
 
-/// What the plan of a cycle says of its origin.
+/// The cycle and the states from which a plan was made.
 typedef struct run_origin {
-    int32_t cycle;                             ///< -1: sent because a plan was late
+    int32_t cycle;                             ///< -1: sent because a cycle was late
     int64_t valid_until_utime;                 ///< [us]
     int64_t state_utime[VERGE_CONTROLLED_MAX]; ///< [us] in the order of the plan's vehicles
 } run_origin;

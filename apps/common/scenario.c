@@ -27,7 +27,7 @@ static double wrap_angle(double angle);
 static const double PI = 3.14159265358979323846;
 /// Instants closer than this are the same. [s]
 static const double INSTANT = 1e-6;
-/// A step of a recorded speed beyond this is noise of the measurement. [m/s^2]
+/// A larger acceleration between two recorded speeds is measurement noise. [m/s^2]
 static const double RECORDED_ACCELERATION_MAX = 15.0;
 
 bool scenario_load(scenario* scene, const char* path, const uint64_t* seed)
@@ -79,7 +79,7 @@ bool scenario_track_at(const scenario_vehicle* vehicle, double t, verge_vehicle*
     if (step > 0.0) {
         state->acceleration = fmin(fmax((to->speed - from->speed) / step,
                                         -RECORDED_ACCELERATION_MAX), RECORDED_ACCELERATION_MAX);
-        // A heading that changes faster is a step between two rows, not a turn.
+        // A faster change of heading is a step between two rows, not a turn.
         if (fabs(turn) <= VERGE_LIMIT_YAW_RATE * step) {
             state->yaw_rate = turn / step;
         }
@@ -107,7 +107,7 @@ void scenario_write(FILE* out, const scenario* scene)
     fputs("}}", out);
 }
 
-/// Everything after the JSON was read. Where it fails only the error line stays.
+/// Builds the scenario from the parsed document. After a failure only the error line remains.
 static bool scenario_build(scenario* scene, const uint64_t* seed)
 {
     static const char* const keys[] = { "format", "name", "source", "road", "vehicles", "planner",
@@ -305,7 +305,8 @@ static bool planner_build(const json_at* root, scenario* scene)
     verge_status status =
         verge_planner_init(&scene->planner, &scene->def, scene->arena, scene->arena_size);
     if (status == VERGE_OK) {
-        status = verge_humans_init(&scene->humans, &scene->def, (char*)scene->arena + scene->arena_size,
+        status = verge_humans_init(&scene->humans, &scene->def,
+                                   (char*)scene->arena + scene->arena_size,
                                    humans_size);
     }
     return status == VERGE_OK || json_fail(&planner, "%s", verge_status_text(status));
@@ -323,7 +324,7 @@ static bool vehicles_check(const json_at* at, const scenario* scene)
     return true;
 }
 
-/// A vehicle against the road and against those before it.
+/// Checks a vehicle against the road and against the vehicles before it.
 static bool vehicle_check(const json_at* at, const scenario* scene, uint32_t index)
 {
     const scenario_vehicle* vehicle = &scene->vehicles[index];
@@ -363,7 +364,7 @@ static bool has_lane(const verge_road_def* road, int32_t lane_id)
     return false;
 }
 
-/// Into (-pi, pi]; |angle| <= 4 pi. An angle that is inside stays as it is.
+/// Maps to (-pi, pi]; |angle| <= 4 pi. An angle inside is returned unchanged.
 static double wrap_angle(double angle)
 {
     while (angle > PI) {

@@ -1,4 +1,4 @@
-/// A scenario: a road, who is on it and what they intend, and how to plan for them.
+/// A scenario: a road, the vehicles on it with their target lanes, and the planner parameters.
 ///
 ///     scenario scene;
 ///     if (!scenario_load(&scene, path, NULL)) { fputs(scene.file.error, stderr); return 2; }
@@ -9,9 +9,10 @@
 ///             simulation {duration [s] 0.1 .. 3600, default 20; replan [s] 0.1 .. 5, default
 ///             0.5; both multiples of 0.1}. A vehicle has id, control ("controlled" or
 ///             "human"), x, y, heading, speed, acceleration, length, width; optional target_lane
-///             (null or absent: none), habit; a human may have a track of [t, x, y, heading, speed] rows, t growing.
-/// Refused     What json.h, road_json.h and planner_json.h refuse; two vehicles with one id or
-///             overlapping at t = 0; a vehicle whose first position is off every lane; more
+///             (null or absent: none), habit, body (body_json.h). A human may have a track of rows
+///             [t, x, y, heading, speed] with growing t.
+/// Refused     Documents that json.h, road_json.h or planner_json.h refuse; two vehicles with one
+///             id or overlapping at t = 0; a vehicle whose first position is on no lane; more
 ///             vehicles than the planner's capacities; an unknown target_lane.
 /// Memory      Heap, until scenario_free(). The planner lives in one arena of it.
 #ifndef VERGE_APPS_SCENARIO_H
@@ -32,7 +33,7 @@ typedef struct scenario_row {
 } scenario_row;
 
 typedef struct scenario_vehicle {
-    verge_vehicle start;         ///< as the file states it; with a track: as its first row does
+    verge_vehicle start;         ///< as in the file; with a track: as in its first row
     uint32_t      track_count;   ///< 0: no track
     scenario_row* track;
 } scenario_vehicle;
@@ -52,16 +53,17 @@ typedef struct scenario {
 } scenario;
 
 /// Loads, checks and builds. seed (may be null) replaces the file's.
-/// False: scene->file.error has the line; nothing is left to free.
+/// False: the reason is in scene->file.error, and there is nothing to free.
 bool scenario_load(scenario* scene, const char* path, const uint64_t* seed);
 /// The same from text; `name` stands for the file in error lines.
 bool scenario_parse(scenario* scene, const char* name, const char* text, size_t size,
                     const uint64_t* seed);
-/// The error line stays.
+/// Keeps the error line.
 void scenario_free(scenario* scene);
 
-/// Where a vehicle with a track is at t; false: not in the scene then. Linear between rows, the
-/// heading along the shorter arc; acceleration and yaw rate are the slopes of the rows around t.
+/// The state of a vehicle with a track at t; false: it is not in the scene at that time. Linear
+/// between rows, the heading along the shorter arc; acceleration and yaw rate are the slopes of the
+/// rows around t.
 bool scenario_track_at(const scenario_vehicle* vehicle, double t, verge_vehicle* state);
 
 /// The whole document on one line, with the seed and every planner parameter as used.

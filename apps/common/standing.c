@@ -27,10 +27,10 @@ static bool vehicle_ahead(const world* world, const world_vehicle* vehicle)
     return false;
 }
 
-/// Follows the lanes that lead on from the vehicle's. A vehicle on no lane sees no end.
+/// Follows the successors of the vehicle's lane. For a vehicle on no lane there is no end.
 static bool end_ahead(const world* world, const world_vehicle* vehicle)
 {
-    static const uint32_t LANES_MAX = 256; // short lanes in a circle come to an end, too
+    static const uint32_t LANES_MAX = 256; // ends the loop on a ring of very short lanes
     const verge_vehicle*  own = &vehicle->state;
     int32_t lane = vehicle->lane;
     double  left = STANDING_VIEW;

@@ -1,5 +1,5 @@
-/// How verge starts its threads: without signals (the starting thread handles them), with a stack
-/// of a known size and, on request, with a real-time priority and on given processors.
+/// Starts threads with all signals blocked (the main thread handles them), with a stack of a known
+/// size and, optionally, with a real-time priority and on given processors.
 ///
 /// Memory      The stack: THREAD_STACK_SIZE, mapped by the C library.
 #ifndef VERGE_APPS_THREAD_H
@@ -12,8 +12,8 @@
 extern "C" {
 #endif
 
-/// [B] A planning step needs less than a tenth of it. Fixed, so that the size of locked memory is
-/// known.
+/// [B] A planning step uses less than a tenth of it. The size is fixed, so that the amount of
+/// locked memory is known.
 enum { THREAD_STACK_SIZE = 1 << 20 };
 
 enum { THREAD_CPUS_MAX = 64 };
@@ -25,8 +25,8 @@ typedef struct thread_options {
     uint32_t cpus[THREAD_CPUS_MAX];
 } thread_options;
 
-/// options null: all zero. Returns 0 or an errno: EPERM if the system refuses the priority, EINVAL
-/// if it has none of the processors, EAGAIN if it refuses memory or a thread.
+/// options null: all zero. Returns 0 or an errno: EPERM: the priority is not permitted; EINVAL:
+/// none of the processors exists; EAGAIN: no memory or no thread.
 int thread_start(pthread_t* thread, const thread_options* options, void* (*run)(void*),
                  void* arg);
 

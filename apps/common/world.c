@@ -14,7 +14,7 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle);
 
 /// Instants closer than this are the same. [s]
 static const double INSTANT = 1e-6;
-/// A driver whose plan has run out slows down like this. [m/s^2]
+/// Acceleration of a controlled vehicle after the end of its plan. [m/s^2]
 static const double GENTLE_BRAKING = -2.0;
 
 bool world_init(world* self, const scenario* scene)
@@ -114,7 +114,7 @@ const verge_action_step* world_action(const world* self, const world_vehicle* ve
     return NULL;
 }
 
-/// as_human: where the car-following model takes it.
+/// as_human: the next state by the car-following model.
 static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicle* as_human)
 {
     const double now = world_time(self);
@@ -131,7 +131,7 @@ static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicl
     }
 }
 
-/// False: the plan has run out.
+/// False: the plan has ended.
 static bool plan_drive(world_vehicle* vehicle, double time)
 {
     const verge_vehicle_plan* plan = &vehicle->plan;
@@ -185,23 +185,23 @@ static verge_point point_between(const verge_point* a, const verge_point* b, dou
     };
 }
 
-/// A driver without a plan: along the lane at its offset, or straight on where there is no lane.
+/// Moves a vehicle without a plan along its lane at constant offset, or straight ahead on no lane.
 static void lane_keep(const world* self, world_vehicle* vehicle, double acceleration)
 {
     verge_vehicle* state = &vehicle->state;
     const double   speed = fmax(state->speed + acceleration * WORLD_DT, 0.0);
-    const double   way = 0.5 * (state->speed + speed) * WORLD_DT;
+    const double   distance = 0.5 * (state->speed + speed) * WORLD_DT;
     const verge_lane_position at =
         verge_road_project(self->road, state->x, state->y, state->heading, vehicle->lane_last);
     state->acceleration = speed > 0.0 ? acceleration : 0.0;
     state->speed = speed;
     state->yaw_rate = at.lane_id == VERGE_NO_LANE ? 0.0 : at.curvature * speed;
     if (at.lane_id == VERGE_NO_LANE) {
-        state->x += way * cos(state->heading);
-        state->y += way * sin(state->heading);
+        state->x += distance * cos(state->heading);
+        state->y += distance * sin(state->heading);
         return;
     }
-    double        s = at.s + way;
+    double        s = at.s + distance;
     int32_t       lane = at.lane_id;
     const double  length = verge_road_length(self->road, lane);
     const int32_t next = verge_road_next(self->road, lane, state->target_lane);
@@ -212,7 +212,7 @@ static void lane_keep(const world* self, world_vehicle* vehicle, double accelera
     verge_road_at(self->road, lane, s, at.d, &state->x, &state->y, &state->heading);
 }
 
-/// Which lane it is on now, and whether it has driven off the end of the road.
+/// Finds the lane of a vehicle and detects that it has left the road at its end.
 static void vehicle_locate(const world* self, world_vehicle* vehicle)
 {
     const verge_vehicle* state = &vehicle->state;
@@ -220,8 +220,8 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
     if (!vehicle->present) {
         return;
     }
-    // Where lanes overlap (a merge, a diverge) it is on its way along: on the lane it was on,
-    // then on the one that continues that lane towards its target; at first on its target lane.
+    // Lanes overlap at a merge or a diverge. The lane of the last tick is preferred, then its
+    // successor towards the target lane; at the first tick the target lane.
     const int32_t lane = vehicle->lane_last;
     const int32_t prefer = lane != VERGE_NO_LANE ? lane : state->target_lane;
     verge_lane_position at =
@@ -244,6 +244,6 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
         verge_road_next(self->road, lane, state->target_lane) == VERGE_NO_LANE) {
         vehicle->present = false;
         vehicle->left = true;
-        vehicle->off_road = was_off_road; // past the end of the road is not off it
+        vehicle->off_road = was_off_road; // leaving at the end of the road does not count
     }
 }

@@ -1,4 +1,4 @@
-/// The closed loop: a scenario's vehicles in motion, ten times a second.
+/// The closed loop: moves the vehicles of a scenario, ten ticks a second.
 ///
 ///     world scene;
 ///     world_init(&scene, &loaded);
@@ -10,12 +10,13 @@
 ///         world_advance(&scene);
 ///     }
 ///
-/// Controlled  follow their latest trajectory exactly at its points and linearly between them.
-///             Beyond its end, or with a cancelled plan, they keep to their lane and brake
-///             gently; before the first plan they keep to their lane at constant speed.
-/// Humans      follow their track, or the car-following model the planner predicts them with.
-/// Leaving     After the last row of a track, or off the end of a lane that nothing continues.
-/// Time        t = 0 is the scenario's start. A tick is WORLD_DT; nothing reads a clock.
+/// Controlled  Follow their latest trajectory, linearly between its points. After its end, or with
+///             a cancelled plan, they keep their lane and brake gently. Before the first plan they
+///             keep their lane at constant speed.
+/// Humans      Follow their track, or the car-following model with which the planner predicts them.
+/// Leaving     A vehicle leaves after the last row of its track, or at the end of a lane without a
+///             successor.
+/// Time        t = 0 is the start of the scenario. A tick is WORLD_DT; no clock is read.
 /// Memory      Heap in world_init() only.
 #ifndef VERGE_APPS_WORLD_H
 #define VERGE_APPS_WORLD_H
@@ -29,15 +30,15 @@ typedef struct world_vehicle {
     verge_vehicle           state;
     const scenario_vehicle* origin;
     bool     present;        ///< in the scene now
-    bool     left;           ///< was in the scene and comes no more
+    bool     left;           ///< has left the scene for good
     int32_t  lane;           ///< the lane that contains its centre, else VERGE_NO_LANE
-    int32_t  lane_last;      ///< the last lane that did
+    int32_t  lane_last;      ///< the last lane that contained it
     bool     off_road;       ///< on no lane, or left the scene while it was on none
-    bool     planned;        ///< `plan` holds something
+    bool     planned;        ///< `plan` is valid
     double   plan_time;      ///< [s] t = 0 of its plan, in the world's time
     verge_vehicle_plan plan;
-    double   curvature;      ///< [1/m] driven; 0 where no trajectory is followed
-    double   jerk;           ///< [m/s^3] driven; 0 where no trajectory is followed
+    double   curvature;      ///< [1/m] driven; 0 without a trajectory
+    double   jerk;           ///< [m/s^3] driven; 0 without a trajectory
 } world_vehicle;
 
 typedef struct world {
@@ -55,17 +56,17 @@ void world_free(world* self);
 double  world_time(const world* self);  ///< [s]
 int64_t world_utime(const world* self); ///< [us] since the scenario's start
 
-/// The vehicles in the scene, as a planning step wants them. Returns how many.
+/// The vehicles in the scene, as input of a planning step. Returns their number.
 uint32_t world_states(const world* self, verge_vehicle states[VERGE_VEHICLES_MAX]);
 
-/// Hands a vehicle its newest plan, whose t = 0 is at plan_time [s] of the world. Plans for
-/// unknown, human or absent vehicles are ignored.
+/// Gives a vehicle its newest plan, whose t = 0 is at plan_time [s] of the world. Plans for
+/// unknown, uncontrolled or absent vehicles are ignored.
 void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time);
 
-/// Moves everyone on by one tick.
+/// Moves all vehicles by one tick.
 void world_advance(world* self);
 
-/// The step of the vehicle's plan that is active now; null where there is none.
+/// The step of the vehicle's plan that is active now; null: there is none.
 const verge_action_step* world_action(const world* self, const world_vehicle* vehicle);
 
 #endif

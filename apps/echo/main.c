@@ -1,4 +1,4 @@
-/// verge-echo: prints what is on a bus, one line a message, until Ctrl-C or --count messages.
+/// verge-echo: prints the messages of a bus, one line each, until Ctrl-C or --count messages.
 #define _GNU_SOURCE
 #include "common/bus_json.h"
 #include "common/message_json.h"
@@ -21,7 +21,7 @@ enum {
     EXIT_UNAVAILABLE = 69,
     EXIT_OS = 71,
     BATCH = 32,
-    POLL_MS = 1000, // a bus that went away is looked for when it is drained
+    POLL_MS = 1000, // draining opens a lost bus again
 };
 
 typedef struct arguments {
@@ -105,7 +105,7 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
     return true;
 }
 
-/// What the bus has to say itself: who was refused and why.
+/// Prints a line of the bus, such as a refused sender and the reason.
 static void complain(void* context, const char* line)
 {
     (void)context;
@@ -154,7 +154,7 @@ static uint64_t heard(const echo* self)
     return self->states + self->plans + self->statuses;
 }
 
-/// Until told to stop, the count is reached or a log ends. False: the output cannot be written.
+/// Runs until a signal, the count or the end of a log. False: the output cannot be written.
 static bool listen_to(echo* self)
 {
     const uint64_t limit = self->args->count;

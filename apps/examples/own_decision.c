@@ -22,8 +22,10 @@ static verge_vehicle_decision decisions[1];
 static verge_vehicle_plan     plans[2]; // this cycle's and the last one's, in turn
 
 alignas(64) static unsigned char road_memory[256 << 10];
-static const double centerlines[2][2][2] = { { { -120.0, 0.0 }, { 120.0, 0.0 } },   // lane 0, eastward
-                                             { { 0.0, -120.0 }, { 0.0, 120.0 } } }; // lane 1, northward
+static const double centerlines[2][2][2] = {
+    { { -120.0, 0.0 }, { 120.0, 0.0 } }, // lane 0, eastward
+    { { 0.0, -120.0 }, { 0.0, 120.0 } }, // lane 1, northward
+};
 
 static verge_status make_road(const verge_road** road)
 {
@@ -105,7 +107,8 @@ int main(void)
     verge_sampler*    sampler = NULL;
     const verge_road* road = NULL;
     if (make_road(&road) != VERGE_OK
-        || verge_predictor_init(&predictor, &def, predictor_memory, sizeof predictor_memory) != VERGE_OK
+        || verge_predictor_init(&predictor, &def, predictor_memory, sizeof predictor_memory)
+               != VERGE_OK
         || verge_sampler_init(&sampler, &def, sampler_memory, sizeof sampler_memory) != VERGE_OK) {
         fputs("the stages do not fit their memory\n", stderr);
         return 1;
@@ -141,14 +144,15 @@ int main(void)
                                         cycle > 0 ? &plans[(cycle + 1) % 2] : NULL, plan);
         }
         if (status != VERGE_OK || verge_vehicles_overlap(&heard[0], &heard[1])) {
-            fprintf(stderr, "cycle %d: %s\n", cycle, status == VERGE_OK ? "contact" : verge_status_text(status));
+            fprintf(stderr, "cycle %d: %s\n", cycle,
+                    status == VERGE_OK ? "contact" : verge_status_text(status));
             return 1;
         }
         if (cycle % 10 == 0) {
             char words[96];
             verge_action_say(&plan->actions[0], words, sizeof words);
-            printf("%4.1f s  x %6.1f m  %4.1f m/s  other y %6.1f m  %s\n", cycle * CYCLE_S, heard[0].x,
-                   heard[0].speed, heard[1].y, words);
+            printf("%4.1f s  x %6.1f m  %4.1f m/s  other y %6.1f m  %s\n", cycle * CYCLE_S,
+                   heard[0].x, heard[0].speed, heard[1].y, words);
         }
         follow(&heard[0], plan);
         heard[1].y += heard[1].speed * CYCLE_S;

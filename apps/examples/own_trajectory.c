@@ -71,7 +71,8 @@ int main(void)
     verge_predictor*  predictor = NULL;
     if (make_road(&road) != VERGE_OK
         || verge_decider_init(&decider, &def, decider_memory, sizeof decider_memory) != VERGE_OK
-        || verge_predictor_init(&predictor, &def, predictor_memory, sizeof predictor_memory) != VERGE_OK) {
+        || verge_predictor_init(&predictor, &def, predictor_memory, sizeof predictor_memory)
+               != VERGE_OK) {
         fputs("the stages do not fit their memory\n", stderr);
         return 1;
     }
@@ -103,7 +104,8 @@ int main(void)
         status = verge_decide(decider, &scene, &commitment, &decision);
     }
     if (status == VERGE_OK) {
-        status = verge_predict(predictor, &scene, &decision, &tracks); // of the uncontrolled vehicle
+        // Of the uncontrolled vehicle.
+        status = verge_predict(predictor, &scene, &decision, &tracks);
     }
     if (status != VERGE_OK) {
         fprintf(stderr, "%s\n", verge_status_text(status));
@@ -138,6 +140,7 @@ int main(void)
             printf("\n");
         }
     }
-    printf("decided in %u iterations, reward %.3f\n", decision.search.iterations, decision.search.reward);
+    printf("decided in %u iterations, reward %.3f\n", decision.search.iterations,
+           decision.search.reward);
     return 0;
 }

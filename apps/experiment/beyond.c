@@ -10,7 +10,7 @@
 
 #include <string.h>
 
-/// What is compared: a method, and which search decides.
+/// A compared variant: a method and its search.
 typedef struct contender {
     const char* name;
     method      method;
@@ -107,7 +107,7 @@ static bool fill(lab* self, const scenes* kind, trial* tasks)
     return true;
 }
 
-/// Closed loop over 20 s; without planning 13 steps, which is as long to half a second.
+/// Closed loop over 20 s; without planning 13 steps, which last 19.5 s.
 static lab_document* document_of(lab* self, const scenes* kind, uint64_t seed)
 {
     const traffic with = { .controlled = kind->controlled, .humans = kind->humans,

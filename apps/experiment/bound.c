@@ -23,8 +23,8 @@ double bound_of(const world* world)
     const verge_planner_def* def = &world->scene->def;
     verge_vehicle       vehicles[VERGE_VEHICLES_MAX];
     verge_lane_position positions[VERGE_VEHICLES_MAX];
-    verge_scene scene = { .road = world->road, .vehicles_max = VERGE_VEHICLES_MAX, .vehicles = vehicles,
-                          .positions = positions };
+    verge_scene scene = { .road = world->road, .vehicles_max = VERGE_VEHICLES_MAX,
+                          .vehicles = vehicles, .positions = positions };
     place_all(world, &scene);
     if (def->steps > BOUND_STEPS_MAX) {
         return NAN;
@@ -48,7 +48,7 @@ double bound_of(const world* world)
     return any ? fmin(sum, 1.0) : (double)NAN;
 }
 
-/// A simulation may end as soon as everybody is where they want to be, or go on.
+/// A simulation may end when every vehicle has reached its target, or continue.
 static double best_alone(alone* self, uint32_t step)
 {
     const uint32_t steps = self->scene.def->steps;
@@ -91,5 +91,6 @@ static vg_pairs* pairs_make(void)
         abort();
     }
     vg_arena_init(&arena, memory, measure.used);
-    return vg_pairs_take(&arena, VERGE_VEHICLES_MAX, 0); // the first thing taken: freeing it frees all
+    // The first block of the arena: freeing it frees all of it.
+    return vg_pairs_take(&arena, VERGE_VEHICLES_MAX, 0);
 }

@@ -1,8 +1,8 @@
-/// What X_flow (Eq. 5) cannot exceed: the weighted sum of what each vehicle would earn alone on
-/// the road, over every action sequence there is. Others can only forbid actions or hold a
-/// vehicle up, so the bound is admissible; how near it can be come to is not known.
+/// An upper bound of X_flow (Eq. 5): the weighted sum of the best reward of each vehicle alone on
+/// the road, over all action sequences. Other vehicles can only forbid actions or delay a vehicle,
+/// so the bound is never exceeded. The gap to the optimum is not known.
 ///
-/// Cost       5 ^ steps flow steps a vehicle at most: some 10 ms for the default 7 steps; with
+/// Cost       At most 5 ^ steps flow steps a vehicle: about 10 ms for the default 7 steps. With
 ///            more than BOUND_STEPS_MAX steps it is not computed.
 #ifndef VERGE_EXPERIMENT_BOUND_H
 #define VERGE_EXPERIMENT_BOUND_H
@@ -11,7 +11,7 @@
 
 enum { BOUND_STEPS_MAX = 7 };
 
-/// For the world as it is now. NaN: too many steps, or nobody is controlled.
+/// For the present state of the world. NaN: too many steps, or no controlled vehicle.
 double bound_of(const world* world);
 
 #endif

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/// The humans' course and, as they are decided, the controlled vehicles'.
+/// The motion of the humans and of the controlled vehicles that are decided already.
 typedef struct scene_ahead {
     const world*        start;
     int32_t             axis;   ///< lane whose reference line is the straight frame
@@ -121,7 +121,7 @@ static void decided_start(const world* start, int32_t id, decided_state* state)
     }
 }
 
-/// Controlled vehicles as anybody predicts them: on at their speed.
+/// Controlled vehicles as other drivers predict them: at constant speed.
 static void predict_humans(scene_ahead* self, double horizon)
 {
     verge_vehicle  states[VERGE_VEHICLES_MAX];
@@ -186,7 +186,7 @@ static void problem_fill(const scene_ahead* self, const verge_vehicle* vehicle,
     }
 }
 
-/// From now on the vehicle stands in the way of those decided after it.
+/// Makes the vehicle an obstacle for those decided after it.
 static void obstacle_add(scene_ahead* self, const sequential_problem* problem,
                          const sequential_plan* plan)
 {
@@ -227,7 +227,7 @@ static void sequential_note(decided_vehicle* to, const scene_ahead* ahead, int32
     }
 }
 
-/// Controlled vehicles by their way along the axis, farthest first, of equals the lower id first.
+/// Controlled vehicles by their position along the axis, farthest first, then by id.
 static uint32_t order_of(const world* start, int32_t axis, const verge_vehicle** order)
 {
     double   ways[VERGE_VEHICLES_MAX];

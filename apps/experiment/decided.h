@@ -1,11 +1,11 @@
-/// Decided states driven exactly, without a trajectory planner: what the paper calls "without
-/// planning". Between two decided states speed changes evenly (a cubic through both ends) and
-/// the lateral offset linearly. The body stays parallel to its lane: decisions know no heading,
-/// and the bodies their search keeps apart are parallel, too.
+/// Decided states driven exactly, without a trajectory planner: the paper's "without planning".
+/// Between two decided states the station is a cubic through both ends and speeds, and the lateral
+/// offset is linear. The body is parallel to its lane, because decisions have no heading, and their
+/// search assumes parallel bodies, too.
 ///
-/// Two sources of decided states: one joint search from the initial state (decision-only: the
-/// search itself is receding, as the paper's; its plan is then followed to the end), and the
-/// sequential baseline, vehicle by vehicle in order of their way along the road, farthest first.
+/// Decided states come from one of two sources. Decision-only: one joint search from the initial
+/// state, receding as in the paper, whose plan is followed to the end. Sequential: the baseline
+/// that decides one vehicle after another, the farthest along the road first.
 #ifndef VERGE_EXPERIMENT_DECIDED_H
 #define VERGE_EXPERIMENT_DECIDED_H
 
@@ -31,13 +31,13 @@ typedef struct decided {
     uint32_t nodes, nodes_first;
 } decided;
 
-/// From a plan made for the world as it is.
+/// From a plan for the present state of the world.
 void decided_from_plan(decided* self, const world* start, const verge_plan* plan);
 
-/// By the sequential baseline. The road must be one of parallel lanes. False: out of memory.
-/// Humans are predicted once, by the model they move by, with every controlled vehicle keeping
-/// its speed and lane. The iteration budget is that of the joint search, shared out evenly, so
-/// that nodes compare.
+/// By the sequential baseline, on a road of parallel lanes. False: out of memory. The motion of the
+/// humans is predicted once, by their own model, with every controlled vehicle at constant speed in
+/// its lane. The iterations of the joint search are divided equally among the vehicles, so that
+/// numbers of nodes can be compared.
 bool decided_from_sequential(decided* self, const world* start, uint64_t seed);
 
 /// Decision step `step` of a vehicle as a trajectory of 0.1 s points for world_follow().

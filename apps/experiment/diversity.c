@@ -1,5 +1,5 @@
-/// Habits make flows differ: the same random scenes under each of the three, and who yields as
-/// the cooperation factor of the one who could yield grows.
+/// Influence of habits on the flow: the same random scenes with each of the three habits, and the
+/// frequency of yielding over the cooperation factor.
 #include "experiments.h"
 
 #include "must.h"
@@ -27,7 +27,7 @@ typedef struct flow_notes {
     bool     arrived[VERGE_VEHICLES_MAX];
 } flow_notes;
 
-/// One vehicle that could yield, one that wants in.
+/// One vehicle that can yield, and one with a target lane beside it.
 typedef struct yield_notes {
     bool entered;  ///< the one who changes has been in the other's lane
     bool ahead;    ///< ahead of the other, the first time
@@ -176,10 +176,10 @@ static bool flows(lab* self, table* rows)
     return good;
 }
 
-// ---------------------------------------------------------------------------- who yields
+// ---------------------------------------------------------------------------- yielding
 
-/// Vehicle 0 could yield in lane 0; vehicle 1, in lane 1 beside it, a little ahead or behind,
-/// wants into lane 0.
+/// Vehicle 0 drives in lane 0 and can yield. Vehicle 1 drives beside it in lane 1, a little ahead
+/// or behind, with lane 0 as target.
 static void yield_watch(const world* world, const verge_plan* plan, void* notes_given)
 {
     yield_notes*         notes = notes_given;

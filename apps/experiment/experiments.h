@@ -1,19 +1,19 @@
 /// The experiments by name. Each fills its rows from the lab's settings.
 ///
 /// freeway-table  The paper's Table 3: three methods, 2 to 4 controlled vehicles, both settings.
-/// pareto         Finish time against smallest gap over parameters that trade them.
+/// pareto         Finish time against smallest gap, over the parameters that influence both.
 /// beyond         5, 6 and 8 controlled vehicles, on the authors' freeway and in random dense
 ///                traffic; the paper's own search beside the default one.
 /// ramp-cases     Cases 1, 2 and 3 of section 4.2, from both of the authors' states.
-/// roundabout     Entrants and circulating vehicles resolve.
-/// recorded       Recorded US-101 traffic, humans replayed; empty where the data is absent.
-/// diversity      The same scenes under the three habits; who yields, over the cooperation factor.
+/// roundabout     Entering and circulating vehicles.
+/// recorded       Recorded US-101 traffic with replayed humans; empty if the data is absent.
+/// diversity      The same scenes with the three habits; yielding over the cooperation factor.
 #ifndef VERGE_EXPERIMENT_EXPERIMENTS_H
 #define VERGE_EXPERIMENT_EXPERIMENTS_H
 
 #include "lab.h"
 
-/// False: interrupted or failed; the rows are not to be used.
+/// False: interrupted or failed; the rows are incomplete.
 typedef bool experiment_run(lab* self, table* rows);
 
 enum { EXPERIMENT_PICTURES = 3 };

@@ -1,4 +1,4 @@
-/// Table 3 of the paper, and the front of finish time against gap.
+/// Table 3 of the paper, and the Pareto front of finish time against gap.
 #include "experiments.h"
 
 #include "must.h"
@@ -9,7 +9,7 @@
 
 enum { counts_of_controlled = 3, method_count = 3, paper_repeats = 10 };
 
-/// How a comparison is set up.
+/// The settings of a comparison.
 typedef struct setting {
     const char* name;
     double      duration;   ///< [s] measured
@@ -18,10 +18,11 @@ typedef struct setting {
     uint32_t    steps_verge;///< of 1.5 s each, which is verge's step in both settings
 } setting;
 
-/// As stated: section 4.1, horizon 10 s in steps of 1.0 s for sequential and decision-only,
-/// and section 4's 1.5 s, 10.5 s in all, for the whole framework. As run: what the authors' raw
-/// results show. 24 of their 26 rows have finish times that only steps of 1.5 s can give (10.5/2 s,
-/// 13.5/2 s), up to 13 s, and their program runs to 20 s; here 13 steps, 19.5 s.
+/// As stated: section 4.1, horizon 10 s in steps of 1.0 s for sequential and decision-only, and
+/// section 4, horizon 10.5 s in steps of 1.5 s, for the whole framework. As run: the settings that
+/// follow from the authors' raw results. 24 of their 26 rows have finish times that are possible
+/// only with steps of 1.5 s (10.5/2 s, 13.5/2 s), up to 13 s, and their program runs to 20 s. Here:
+/// 13 steps, 19.5 s.
 static const setting settings[] = {
     { "as-stated", 10.0, 1.0, 10, 7 },
     { "as-run", 19.5, 1.5, 13, 13 },
@@ -82,7 +83,7 @@ static const char* text_of(lab* self, const setting* with, uint32_t controlled, 
     return lab_text(self, document);
 }
 
-/// The paper's ten repeats, and all of them.
+/// The first ten repeats, as in the paper, and all repeats.
 static void rows_of(table* rows, const setting* with, uint32_t controlled, method method,
                     const outcome* results, uint32_t repeats)
 {
@@ -110,7 +111,7 @@ static bool keep_runs(const lab* self, const outcome* result, const setting* wit
     return lab_write(self, name, result->run, result->run_size);
 }
 
-// ---------------------------------------------------------------------------- beside the paper
+// ---------------------------------------------------------------------------- the paper's values
 
 /// The printed table: sequential, without planning, with planning; 2, 3 and 4 vehicles.
 typedef struct printed {
@@ -118,8 +119,8 @@ typedef struct printed {
     double success, nodes, finish_time, gap;
 } printed;
 
-/// The last column of gaps is on the one measure all rows share, centre distance less 5 m: the
-/// paper prints 9.13, 10.78 and 10.94 for its own method, which are distances of centres.
+/// The gaps of the last column are converted to the measure of the other rows, distance of centres
+/// less 5 m. The paper prints 9.13, 10.78 and 10.94 there, which are distances of centres.
 static const printed paper_rows[counts_of_controlled][method_count] = {
     { { "verge", 1.0, 1148.7, 5.68, 4.1 }, { "decision-only", 1.0, 1196.6, 5.75, 8.41 },
       { "sequential", 1.0, 1304.1, 3.57, 4.34 } },
@@ -154,7 +155,7 @@ static const table_line* line_of(const table* rows, const char* with, double con
     return found;
 }
 
-/// The goals for verge: the paper's best cells, gaps of the column without planning.
+/// Goals for verge: the best values of the paper, with the gaps of the column without planning.
 static void goal_note(const lab* self, const table* rows)
 {
     static const char* const with[] = { "as-stated", "as-run" };
@@ -220,12 +221,12 @@ static void paper_note(const lab* self, const table* rows)
 
 // ---------------------------------------------------------------------------- the front
 
-/// What was tried: how much room a change wants to leave, and how fast one wants to drive.
+/// The tried parameters: the desired gap of a lane change and the share of the speed limit.
 static const double rooms[] = { 4.0, 7.0, 10.0, 12.0 }; // [m] change_gap_wanted
 static const double cruises[] = { 0.6, 0.8, 1.0 };      // [1] cruise_share
 enum { room_count = 4, cruise_count = 3, choices = room_count * cruise_count };
 
-/// Not later and not closer than any other that succeeds as often.
+/// On the Pareto front: no other point is better in success, finish time or gap and worse in none.
 static bool on_front(const summary* all, uint32_t index)
 {
     const summary* self = &all[index];

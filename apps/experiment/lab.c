@@ -12,7 +12,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/// Trials handed out one by one.
+/// The trials of a run, taken by the threads one after the other.
 typedef struct queue {
     pthread_mutex_t lock;
     const lab*      self;
@@ -44,7 +44,7 @@ lab_document* lab_open(const lab* self, const char* name)
     lab_document* document = cJSON_Parse(text);
     free(text);
     if (document == NULL) {
-        fprintf(stderr, "%s:file: is no JSON\n", path);
+        fprintf(stderr, "%s:file: is not JSON\n", path);
     }
     return document;
 }

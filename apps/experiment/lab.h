@@ -1,16 +1,17 @@
-/// What every experiment works with: the settings of the run, documents to vary, and many
-/// trials at once.
+/// Common parts of the experiments: the settings of the run, scenario documents to modify, and
+/// parallel trials.
 ///
 ///     lab_document* road = lab_open(self, "freeway-4av");
 ///     lab_parameter(road, "steps", 10);
-///     const char* text = lab_text(self, road);          // lives until the experiment ends
+///     const char* text = lab_text(self, road);          // valid until the experiment ends
 ///     trial tasks[2] = { { .text = text, .seed = 1 }, { .text = text, .seed = 2 } };
 ///     outcome results[2];
 ///     if (!lab_run(self, tasks, results, 2)) { return false; }
 ///
-/// Parallel   As many threads as there are processors, at most LAB_THREADS_MAX. Each trial is on
-///            its own and results stand in the order of the tasks, so they do not depend on it.
-/// Interrupt  After SIGINT or SIGTERM lab_run() ends within one trial a thread and says false.
+/// Parallel   One thread for each processor, at most LAB_THREADS_MAX. Trials are independent and
+///            results are in the order of the tasks, so they do not depend on the threads.
+/// Interrupt  After SIGINT or SIGTERM lab_run() returns false after the current trial of each
+///            thread.
 #ifndef VERGE_EXPERIMENT_LAB_H
 #define VERGE_EXPERIMENT_LAB_H
 
@@ -41,11 +42,11 @@ typedef cJSON lab_document;
 lab_document* lab_open(const lab* self, const char* name);
 /// Sets a planner parameter.
 void lab_parameter(lab_document* document, const char* name, double value);
-/// How long the run is [s].
+/// Sets the duration of the run [s].
 void lab_duration(lab_document* document, double duration);
 /// The vehicle with this id; null: none.
 cJSON* lab_vehicle(lab_document* document, int32_t id);
-/// Sets a member, whether it was there or not.
+/// Sets a member, or adds it.
 void lab_set(cJSON* object, const char* key, cJSON* value);
 /// The document's text; frees the document.
 const char* lab_text(lab* self, lab_document* document);
@@ -56,7 +57,7 @@ void lab_clear(lab* self);
 bool lab_run(const lab* self, const trial* tasks, outcome* results, uint32_t count);
 void lab_free_results(outcome* results, uint32_t count);
 
-/// The file's text, to be freed; null (errno): not readable.
+/// The text of a file, to be freed; null (errno): not readable.
 char* lab_read(const char* path);
 /// Writes text to the file OUT/name. False: a line was printed.
 bool lab_write(const lab* self, const char* name, const char* text, size_t size);

@@ -1,8 +1,9 @@
-/// verge-experiment: the paper's experiments and ours, by name. Each gives rows: a table on
-/// standard output, JSON, Markdown and run files in the folder of results.
+/// verge-experiment: runs the experiments of the paper and further ones by name. Each gives rows,
+/// as a table on standard output, and as JSON, Markdown and run files in the folder of results.
 ///
-/// Finished experiments stand in the folder as soon as they end: after an interrupt they are
-/// whole, and the one under way has left no rows. Nothing depends on the number of threads.
+/// The files of an experiment are written when it ends. After an interrupt those of finished
+/// experiments are complete, and the interrupted one has none. Results do not depend on the number
+/// of threads.
 #include "common/data.h"
 #include "common/number.h"
 #include "common/options.h"
@@ -40,7 +41,8 @@ int main(int argc, char** argv)
     request with = { 0 };
     char    scenarios[DATA_PATH_SIZE], recordings[DATA_PATH_SIZE];
     lab     self = { .scenarios = data_path(scenarios, "scenarios"),
-                     .recordings = data_path(recordings, "recordings"), .out = "out/experiments", .seed = 1 };
+                     .recordings = data_path(recordings, "recordings"),
+                     .out = "out/experiments", .seed = 1 };
     const option_entry options[] = {
         { "--only", "NAME", "runs this experiment only", &with.only, NULL },
         { "--repeats", "N", "seeds or scenes of each setting (default: of each experiment)",
@@ -125,7 +127,7 @@ static bool usage_check(const request* with, const lab* self)
     return true;
 }
 
-/// With all folders above it. False (errno).
+/// Creates a folder and all folders above it. False (errno).
 static bool folder_make(const char* path)
 {
     char part[4096];
@@ -145,7 +147,7 @@ static bool folder_make(const char* path)
     return mkdir(part, 0777) == 0 || errno == EEXIST;
 }
 
-/// Could it be written? Nothing is left behind. False (errno).
+/// True: a file can be written there. The test file is removed. False (errno).
 static bool file_check(const char* path)
 {
     static output file; // large
@@ -183,7 +185,7 @@ static int run_all(const request* with, lab* self)
     return good ? 0 : 1;
 }
 
-/// Rows to standard output and to the folder of results.
+/// Writes the rows to standard output and to the folder of results.
 static bool run_one(const experiment* one, lab* self, table* rows)
 {
     char   name[128];
@@ -222,7 +224,7 @@ static bool run_one(const experiment* one, lab* self, table* rows)
     return good;
 }
 
-/// One experiment as it is, several in an array.
+/// Writes one experiment as an object, several as an array.
 static bool write_json(const char* path, const table* all, uint32_t count)
 {
     static output file; // large
@@ -250,7 +252,7 @@ static void write_picture(FILE* page, const char* name)
     fprintf(page, "![%s](figures/%s.png)\n", name, name);
 }
 
-/// Every experiment's Markdown from the folder of results, with the commands that make it.
+/// Writes the Markdown of all experiments in the folder of results, with their commands.
 static bool write_page(const char* path, const lab* self)
 {
     static output file; // large

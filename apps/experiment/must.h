@@ -1,4 +1,4 @@
-/// Heap that is there or ends the program: an experiment half computed is of no use.
+/// Allocation that ends the program if memory runs out, because partial results are not usable.
 #ifndef VERGE_EXPERIMENT_MUST_H
 #define VERGE_EXPERIMENT_MUST_H
 

@@ -1,6 +1,6 @@
 /// The closed-loop cases of the paper's section 4.2, and the roundabout.
 ///
-/// The paper's vehicles 2, 4 and 5 are 3, 0 and 2 in the authors' files, and so in ours.
+/// The paper's vehicles 2, 4 and 5 have the ids 3, 0 and 2 in the authors' files and here.
 #include "experiments.h"
 
 #include "common/number.h"
@@ -13,13 +13,13 @@
 
 enum { paper_2 = 3, paper_4 = 0, paper_5 = 2, target_lane = 1 };
 
-/// What is seen of one run.
+/// The observations of one run.
 typedef struct ramp_notes {
     bool   both_seen;          ///< both have been in the target lane at one tick
     double both_time;          ///< [s] first one
     bool   ahead_2, ahead_2_end; ///< the paper's 2 is ahead of its 4: then, and at the end
     double brake_2, brake_4;   ///< [m/s] how far below its first speed each one went
-    // Case 3: the human's acceleration, and when each one means to be in the target lane.
+    // Case 3: the human's acceleration, and when each vehicle plans to be in the target lane.
     double visible;            ///< [s] cycle at which it is seen first; 0: not yet
     double entry[2];           ///< [s] planned by the newest plan, of 2 and 4; INFINITY: not at all
     double entry_before[2];    ///< [s] planned by the last plan that had not seen it
@@ -28,7 +28,7 @@ typedef struct ramp_notes {
     double entered[2];         ///< [s] driven; 0: not yet
 } ramp_notes;
 
-/// Case 1 and Case 2: whose habits.
+/// Case 1 and Case 2: the habits of the vehicles.
 typedef struct ramp_case {
     const char* name;
     const char* habit_2;
@@ -41,16 +41,16 @@ static const ramp_case cases[] = {
 };
 enum { case_count = sizeof cases / sizeof cases[0] };
 
-/// Initial states: the authors' of Case 1 and of Case 2 differ in vehicle 2 only (20 m and
-/// 7 m/s, 15 m and 6 m/s); the others lie on the line between the two, as shares of the way. From 0.9
-/// on the best plan of each case is another one, by so little that a search may miss it.
+/// Initial states. The authors' states of Case 1 and Case 2 differ in vehicle 2 only (20 m and
+/// 7 m/s, 15 m and 6 m/s). The other states are interpolated between these two. From a share of 0.9
+/// on the best plan of each case changes, with a difference so small that a search may miss it.
 static const struct { double share; double iterations; } states[] = {
     { 0.0, 3000 }, { 0.25, 3000 }, { 0.5, 3000 }, { 0.75, 3000 }, { 0.9, 3000 }, { 0.9, 20000 },
     { 1.0, 3000 },
 };
 enum { state_count = sizeof states / sizeof states[0] };
 
-/// Case 3: the human as the authors have it, or on a track [s] from which instant it speeds up.
+/// Case 3: the human as in the authors' files, or on a track that accelerates from an instant [s].
 static const struct { const char* name; const char* file; double start; } humans[] = {
     { "case 3, authors' state", "ramp-case-3.jsonl", -1.0 },
     { "case 3, speeds up at 1 s", "ramp-case-3-speeds-up.jsonl", 1.0 },
@@ -100,8 +100,8 @@ static double number_of(lab_document* document, int32_t id, const char* key)
     return member != NULL ? member->valuedouble : (double)NAN;
 }
 
-/// share: 0 the authors' state of Case 1, 1 that of Case 2. The lanes are all but straight
-/// between the two places of vehicle 2.
+/// share: 0 the authors' state of Case 1, 1 that of Case 2. The lane is nearly straight between the
+/// two positions of vehicle 2.
 static const char* case_text(lab* self, const ramp_case* which, double share, double iterations)
 {
     static const char* const moved[] = { "x", "y", "heading", "speed" };
@@ -149,8 +149,8 @@ static cJSON* track_of(const scenario* base, int32_t id, double start)
     return track;
 }
 
-/// start: when the human accelerates [s]; negative: it follows its model from 8 m/s, as the
-/// authors' state has it.
+/// start: when the human accelerates [s]; negative: it follows its model from 8 m/s, as in the
+/// authors' state.
 static const char* human_text(lab* self, double start)
 {
     scenario      base;
@@ -201,7 +201,7 @@ static const world_vehicle* find(const world* world, int32_t id)
     return NULL;
 }
 
-/// When a plan has the vehicle in the target lane [s]; INFINITY: not within its horizon.
+/// When the vehicle is in its target lane by the plan [s]; INFINITY: not within the horizon.
 static double planned_entry(const verge_plan* plan, double now, int32_t id)
 {
     for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
@@ -215,7 +215,8 @@ static double planned_entry(const verge_plan* plan, double now, int32_t id)
     return INFINITY;
 }
 
-/// Case 3: from the cycle at which the human is seen accelerating, who puts off what it meant.
+/// Case 3: from the cycle in which the human accelerates, the vehicles that delay their lane
+/// change.
 static void watch_human(const world* world, const verge_plan* plan, ramp_notes* notes)
 {
     static const int32_t ids[2] = { paper_2, paper_4 };

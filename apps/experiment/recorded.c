@@ -1,11 +1,11 @@
-/// Recorded US-101 traffic: the humans drive as they were recorded and ignore everyone, the
-/// vehicles that changed lanes are ours.
+/// Recorded US-101 traffic. The humans follow their recordings and do not react; the vehicles that
+/// changed lanes are controlled.
 ///
-/// Blame      A contact is caused by the controlled vehicle unless a human's recording drove into
+/// Cause      A contact is caused by the controlled vehicle, unless a recorded human drove into
 ///            it from behind while it had been in its lane for LANE_HELD_S.
-/// Recorded drivers  All changed lanes within the scene's ten seconds: that is how the scenes
-///            were cut. Their own tracks are not in the files, but where a later scene of the
-///            same recording begins with the same vehicle, its position then is.
+/// Recorded drivers  All changed lanes within the ten seconds of their scene, because the scenes
+///            were selected so. Their own tracks are not in the files. If a later scene of the same
+///            recording begins with the same vehicle, its position at that time is known.
 #include "experiments.h"
 
 #include "must.h"
@@ -25,7 +25,7 @@ typedef struct blame_notes {
     uint32_t contacts, caused;
 } blame_notes;
 
-/// Does this human run into the controlled vehicle from behind?
+/// True: this human drives into the controlled vehicle from behind.
 static bool runs_into(const world_vehicle* human, const world_vehicle* controlled)
 {
     const verge_vehicle* at = &controlled->state;

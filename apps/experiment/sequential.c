@@ -9,7 +9,7 @@
 
 enum { none = -1, brake = 1 }; // brake: -1 m/s^2, straight on
 
-/// Reached: the same |d| as the joint search's. [m]
+/// Largest |d| of a vehicle that has reached its target, as in the joint search. [m]
 static const double reached_offset = 0.5;
 
 typedef struct node {
@@ -54,7 +54,7 @@ sequential_state sequential_move(const sequential_problem* problem, const sequen
 {
     const double a = sequential_acceleration(action);
     const double end = from->v + a * t;
-    // Until the speed it may not pass; from there on at that speed.
+    // Accelerate until the limit of the speed, then continue at that speed.
     const double bound = a < 0.0 ? 0.0 : fmax(problem->speed_limit, from->v);
     const bool   held = a < 0.0 ? end < bound : a > 0.0 && end > bound;
     const double until = held ? (bound - from->v) / a : t;
@@ -121,7 +121,7 @@ bool sequential_search(const sequential_problem* problem, sequential_plan* plan)
     return true;
 }
 
-/// One step on, with what it earns.
+/// Simulates one step and adds its reward.
 static void advance(const sequential_problem* problem, node* at, uint8_t action)
 {
     const double share = 1.0 / (double)problem->steps;
@@ -145,7 +145,7 @@ static uint32_t share_of(const sequential_problem* problem, uint32_t step)
     return (uint32_t)((double)problem->iterations * (2.0 / (double)(step + 2)) / sum);
 }
 
-/// Which actions are not refused, found once for each node.
+/// The actions that are not refused, determined once for each node.
 static void open_node(const search* self, node* at)
 {
     at->opened = true;
@@ -259,7 +259,7 @@ static int32_t greedy(const search* self, int32_t root)
     return best;
 }
 
-/// The plan from the last root back; where no child was found the vehicle brakes to the end.
+/// The plan from the last root back. Without a child the vehicle brakes in the remaining steps.
 static void note(const search* self, int32_t root, sequential_plan* plan)
 {
     const sequential_problem* problem = self->problem;

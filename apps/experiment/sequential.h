@@ -4,15 +4,15 @@
 /// Model       A straight frame: s [m] along the road, y [m] to the left. Acceleration is one of
 ///             {-1, 0, 1} m/s^2, lateral velocity one of {-1.2, 0, 1.2} m/s, for a whole step.
 ///             Acceleration stops at standstill and at the speed limit.
-/// Search      UCT (Eq. 1) over single actions. The root goes down with the decision and the
-///             budget is split over the steps as 1/(t/2 + 1), as in the joint search, so that
-///             the two differ in who is decided with whom and in nothing else. The plan is the
+/// Search      UCT (Eq. 1) over single actions. The root moves down with the decision, and the
+///             budget is split over the steps as 1/(t/2 + 1), as in the joint search. The two
+///             searches differ only in the vehicles that are decided together. The plan is the
 ///             child of greatest mean at each layer.
-/// Reward      R_i with the joint search's three parts: ends near the target's centre, share of
-///             steps near it (times the pace), share of steps that repeat the action before.
-///             A simulation that meets an obstacle ends, and its remaining steps earn nothing.
-/// Contact     Bodies with SEQUENTIAL_AIR around them, every SEQUENTIAL_SAMPLE_S.
-/// Source      Clean room, from the paper's text; where that is silent the choice stands here.
+/// Reward      R_i with the three parts of the joint search: the end near the target's centre, the
+///             share of steps near it (times the pace), the share of steps that repeat the action
+///             before. A simulation that meets an obstacle ends; its remaining steps have reward 0.
+/// Contact     Bodies with a clearance of SEQUENTIAL_AIR, tested every SEQUENTIAL_SAMPLE_S.
+/// Source      Written from the text of the paper; choices that it leaves open are stated here.
 #ifndef VERGE_EXPERIMENT_SEQUENTIAL_H
 #define VERGE_EXPERIMENT_SEQUENTIAL_H
 
@@ -28,7 +28,7 @@ enum {
     SEQUENTIAL_ACTIONS = 9, ///< 3 * (longitudinal + 1) + lateral + 1
 };
 
-/// Whoever is in the way: where it will be at multiples of SEQUENTIAL_SAMPLE_S.
+/// An obstacle: its positions at multiples of SEQUENTIAL_SAMPLE_S.
 typedef struct sequential_obstacle {
     double half_length, half_width;    ///< [m]
     double s[SEQUENTIAL_SAMPLES_MAX];  ///< [m]
@@ -71,7 +71,7 @@ double sequential_lateral(uint8_t action);      ///< [m/s]
 /// The state t [s] into a step.
 sequential_state sequential_move(const sequential_problem* problem, const sequential_state* from,
                                  uint8_t action, double t);
-/// Does the action, taken in this step, meet an obstacle or leave the road?
+/// True: the action, taken in this step, meets an obstacle or leaves the road.
 bool sequential_refused(const sequential_problem* problem, const sequential_state* from,
                         uint32_t step, uint8_t action);
 

@@ -12,7 +12,7 @@ static double value_at(const outcome* result, size_t offset)
     return value;
 }
 
-/// Of the runs that measured it.
+/// The mean over the runs that measured the quantity.
 static double mean_of(const outcome* results, uint32_t count, size_t offset)
 {
     double   sum = 0.0;

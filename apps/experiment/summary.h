@@ -1,4 +1,4 @@
-/// Many outcomes of one setting in one row: means, and the worst case beside them.
+/// Summarises the outcomes of one setting in one row: means and worst cases.
 #ifndef VERGE_EXPERIMENT_SUMMARY_H
 #define VERGE_EXPERIMENT_SUMMARY_H
 
@@ -19,11 +19,11 @@ typedef struct summary {
     double reward, bound, gap; ///< [1] X_flow, its bound, mean of (bound - reward) / bound
 } summary;
 
-/// Quantities that a run has not measured (NaN, infinite) stay out of its means; where no run
-/// has, the mean is NaN.
+/// Runs that have not measured a quantity (NaN, infinite) do not count in its mean. If no run has
+/// measured it, the mean is NaN.
 summary summary_of(const outcome* results, uint32_t count);
 
-/// success, nodes, finish time, gaps: the measures of the paper's table, then their worst cases.
+/// success, nodes, finish time, gaps: the measures of the paper's table and their worst cases.
 void summary_table_cells(table* rows, const summary* self);
 /// collisions, intentions, comfort, fallbacks, decision quality.
 void summary_more_cells(table* rows, const summary* self);

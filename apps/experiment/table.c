@@ -115,7 +115,7 @@ static void markdown_head(FILE* out, const table_line* line)
     fputc('\n', out);
 }
 
-/// Counts as they are, measures to three digits behind the point at most.
+/// Prints whole numbers unchanged and other values with at most three decimals.
 static void markdown_cell(FILE* out, const table_cell* cell)
 {
     if (cell->is_text) {

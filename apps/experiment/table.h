@@ -10,8 +10,8 @@
 /// JSON       {"experiment": NAME, "rows": [{KEY: VALUE, ..}, ..]}; a number that is not finite
 ///            is null.
 /// Markdown   one table for each run of rows with the same keys.
-/// Memory     Heap, until table_free(). Keys are kept as pointers: give literals. Running out
-///            of memory ends the program.
+/// Memory     Heap, until table_free(). Keys are stored as pointers, so they must be literals. The
+///            program ends if memory runs out.
 #ifndef VERGE_EXPERIMENT_TABLE_H
 #define VERGE_EXPERIMENT_TABLE_H
 

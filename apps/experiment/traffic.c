@@ -36,7 +36,7 @@ lab_document* traffic_document(const traffic* self)
     roads_add(document);
     cJSON* vehicles = must(cJSON_AddArrayToObject(document, "vehicles"));
     for (uint32_t i = 0; i < self->controlled + self->humans; ++i) {
-        // Where chance has left no room the rest of the scene is not there: rare at 60 a km.
+        // If no place is left, the scene has fewer vehicles. This is rare at 60 vehicles a km.
         if (place_find(self, &random, places, i)) {
             vehicle_add(vehicles, self, &random, places[i], i);
         } else {
@@ -68,7 +68,7 @@ static void roads_add(cJSON* document)
     }
 }
 
-/// By drawing until there is room.
+/// Draws positions until one is free.
 static bool place_find(const traffic* self, vg_random* random, place* places, uint32_t index)
 {
     const uint32_t count = self->controlled + self->humans;

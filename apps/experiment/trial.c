@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/// A run under way.
+/// The state of a run.
 typedef struct drive {
     const trial* task;
     outcome*     result;
@@ -114,7 +114,7 @@ static bool drive_through(drive* self)
     return true;
 }
 
-/// Plans for the world as it is and hands everyone their plan.
+/// Plans for the present state of the world and gives each controlled vehicle its plan.
 static bool plan_cycle(drive* self)
 {
     verge_vehicle      vehicles[VERGE_VEHICLES_MAX];
@@ -193,7 +193,8 @@ static void sum_up(drive* self)
     to->min_distance = from->min_distance;
     to->min_ttc = from->min_ttc;
     to->max_abs_acceleration = from->max_abs_acceleration;
-    // Decided motion bends at every step: jerk means something with planning only.
+    // Decided motion has jumps of acceleration at every step, so jerk is measured with planning
+    // only.
     to->max_abs_jerk = self->task->method == METHOD_VERGE ? from->max_abs_jerk : (double)NAN;
     to->nodes_cycle = from->cycles > 0 ? (double)from->nodes / (double)from->cycles : (double)NAN;
     for (uint32_t i = 0; i < from->vehicle_count; ++i) {

@@ -1,4 +1,4 @@
-/// One trial: a scenario, a method and a seed, from the initial state to the end; what came out.
+/// One trial: a run of a scenario with a method and a seed, and its outcome.
 ///
 ///     const trial task = { .text = document, .seed = 7, .method = METHOD_VERGE };
 ///     outcome result;
@@ -6,12 +6,12 @@
 ///     ...
 ///     outcome_free(&result);
 ///
-/// Methods    VERGE: closed loop, planned anew every simulation.replan seconds. DECISION_ONLY
-///            and SEQUENTIAL: decided once, driven exactly (decided.h). All three on the same
-///            ticks and measured by the same metrics (common/metrics.h), over all pairs.
-/// Nodes      of the first decision of the run: created until the plan that was returned was
-///            first found, and in all. Later cycles of VERGE start from the plan of the cycle
-///            before and would flatter the mean.
+/// Methods    VERGE: closed loop, planned every simulation.replan seconds. DECISION_ONLY and
+///            SEQUENTIAL: decided once and driven exactly (decided.h). All three use the same ticks
+///            and the same metrics (common/metrics.h), over all pairs.
+/// Nodes      Of the first decision of the run: the number created until the returned plan was
+///            first found, and the total number. Later cycles of VERGE are excluded, because they
+///            start from the plan of the cycle before and need fewer nodes.
 /// Threads    Trials share nothing; they may run at the same time.
 #ifndef VERGE_EXPERIMENT_TRIAL_H
 #define VERGE_EXPERIMENT_TRIAL_H
@@ -24,7 +24,7 @@ typedef enum method {
     METHOD_SEQUENTIAL,
 } method;
 
-/// Called at every tick, before the world moves on. plan: made at this tick, else null.
+/// Called at every tick, before the world advances. plan: made at this tick, otherwise null.
 typedef void trial_observer(const world* world, const verge_plan* plan, void* notes);
 
 typedef struct trial {
@@ -58,7 +58,7 @@ typedef struct outcome {
     size_t   run_size;       ///< [B]
 } outcome;
 
-/// result->error tells where the document is refused.
+/// result->error has the reason if the document is refused.
 void trial_run(const trial* task, outcome* result);
 void outcome_free(outcome* self);
 

@@ -2,6 +2,7 @@
 #include "common/options.h"
 #include "common/output.h"
 #include "common/plan_json.h"
+#include "common/scenario_open.h"
 #include "common/world.h"
 
 #include <stdio.h>
@@ -29,17 +30,11 @@ int main(int argc, char** argv)
     };
     const char* path = NULL;
     int         status = 0;
-    uint64_t    seed = 0;
-    bool        seeded = false;
     if (!options_parse(&self, argc, argv, &path, &status)) {
         return status;
     }
-    if (!options_u64(&self, "--seed", seed_text, &seed, &seeded)) {
-        return 2;
-    }
     scenario scene;
-    if (!scenario_load(&scene, path, seeded ? &seed : NULL)) {
-        fputs(scene.file.error, stderr);
+    if (!scenario_open(&scene, &self, path, seed_text)) {
         return 2;
     }
     status = run(&scene);
@@ -53,7 +48,7 @@ static int run(const scenario* scene)
     static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     world start;
     if (!world_init(&start, scene)) {
-        fputs("verge-plan:memory: there is not enough of it\n", stderr);
+        fputs("verge-plan:memory: out of memory\n", stderr);
         return 1;
     }
     const uint32_t count = world_states(&start, vehicles);

@@ -6,7 +6,7 @@
 
 static void series_add(latency_series* self, int64_t us)
 {
-    // Clocks that were set in between, and plans of other times, are no measurements.
+    // A clock that was set in between, or a plan of another time, gives no measurement.
     if (self->count < LATENCY_MAX && us >= 0 && us < 60000000) {
         self->us[self->count++] = (int32_t)us;
     }

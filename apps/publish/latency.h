@@ -1,7 +1,7 @@
-/// How long a vehicle waits: from a state it sent to the first plan made from it, and from the
-/// instant of a plan to its arrival. Both clocks are the wall clock of this machine and the unit's.
+/// Latencies of plans: from a sent state to the first plan made from it, and from the instant of a
+/// plan to its arrival. The second one needs the wall clocks of vehicle and roadside unit to agree.
 ///
-/// Memory      All in the struct, 2 x 256 KiB; beyond LATENCY_MAX samples nothing is added.
+/// Memory      All in the struct, 2 x 256 KiB. After LATENCY_MAX samples no more are added.
 #ifndef VERGE_PUBLISH_LATENCY_H
 #define VERGE_PUBLISH_LATENCY_H
 
@@ -17,13 +17,12 @@ typedef struct latency_series {
 } latency_series;
 
 typedef struct latency {
-    latency_series state_to_plan; ///< a state was sent: its first plan arrived (the wait for the
-                                  ///< cycle is in it)
-    latency_series plan_to_here;  ///< a cycle began: its plan arrived
+    latency_series state_to_plan; ///< from sending a state to the arrival of its first plan,
+                                  ///< including the wait for the cycle
+    latency_series plan_to_here;  ///< from the start of a cycle to the arrival of its plan
 } latency;
 
-/// state_sent_us: when the state the plan was made from was sent, 0: not known or not the first
-/// plan made from it.
+/// state_sent_us: when the state of the plan was sent; 0: unknown, or not the first plan from it.
 void latency_add(latency* self, const verge_vehicle_plan_t* plan, int64_t arrival_us,
                  int64_t state_sent_us);
 

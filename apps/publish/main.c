@@ -1,9 +1,9 @@
-/// verge-publish: stands in for the vehicles of a scenario. Publishes their states ten times a
-/// second in real time, and drives each controlled vehicle along the newest valid plan that comes
-/// back for it, as a vehicle would. A vehicle that hears nothing keeps to its lane (world.h).
+/// verge-publish: simulates the vehicles of a scenario on a bus. It publishes their states ten
+/// times a second in real time, and drives each controlled vehicle along the newest valid plan that
+/// it receives. A vehicle without a plan keeps its lane (world.h).
 #define _GNU_SOURCE
 #include "latency.h"
-#include "tell.h"
+#include "progress.h"
 
 #include "common/bus_json.h"
 #include "common/number.h"
@@ -42,7 +42,7 @@ typedef struct arguments {
     bool        seeded;
 } arguments;
 
-/// What a vehicle knows of the plan it drives.
+/// The plan that a vehicle follows.
 typedef struct follower {
     int32_t cycle;  // -1: none yet
     int64_t utime;  // [us] of the newest plan
@@ -55,17 +55,17 @@ typedef struct publisher {
     metrics         metrics;
     transport*      bus;
     FILE*           run;        // null: not recorded
-    tell            tell;
+    progress        progress;
     int64_t         start;      // [us] wall clock at the world's t = 0
     int32_t         sequence;
     int64_t         sent_utime; // [us] of the states sent last
     int64_t         sent_at;    // [us] wall clock when they were
     latency         latency;
-    uint64_t        refused;    // plans that made no sense
+    uint64_t        refused;    // plans with an invalid field
     follower        followers[VERGE_VEHICLES_MAX]; // in the world's order
     int32_t         gathered_cycle;
     run_origin      origin;     // of the plans gathered
-    verge_plan      gathered;   // the plans of one cycle, as they come
+    verge_plan      gathered;   // the plans received of one cycle
 } publisher;
 
 static bool trailers_refused(const scenario* scene);
@@ -92,12 +92,13 @@ int main(int argc, char** argv)
     return code;
 }
 
-/// States carry one rectangle: a unit on the bus would plan other vehicles through a trailer.
+/// A state message has one rectangle, so a roadside unit would plan other vehicles through a
+/// trailer.
 static bool trailers_refused(const scenario* scene)
 {
     for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
         if (scene->vehicles[i].start.body.trailer_length > 0.0) {
-            fprintf(stderr, "%s:vehicles[%u].body: has a trailer, which messages cannot tell,"
+            fprintf(stderr, "%s:vehicles[%u].body: has a trailer, which messages cannot describe,"
                             " expected a vehicle without one\n", scene->file.name, i);
             return true;
         }
@@ -105,7 +106,7 @@ static bool trailers_refused(const scenario* scene)
     return false;
 }
 
-/// 0 without a path: help or version was asked for.
+/// Exit status; 0 without a path: help or version was printed.
 static int read_arguments(arguments* args, int argc, char** argv)
 {
     memset(args, 0, sizeof *args);
@@ -146,7 +147,8 @@ static int read_arguments(arguments* args, int argc, char** argv)
         char* end = NULL;
         args->duration = strtod(args->duration_text, &end);
         if (*end != '\0' || !(args->duration >= 0.1 && args->duration <= 86400.0)) {
-            fputs("verge-publish:--duration: is no duration, expected 0.1 to 86400 [s]\n", stderr);
+            fputs("verge-publish:--duration: is not a duration, expected 0.1 to 86400 [s]\n",
+                  stderr);
             return 2;
         }
     }
@@ -162,14 +164,14 @@ static int64_t clock_us(clockid_t clock)
 
 static bool print_metrics(publisher* self);
 
-/// What the bus's middleware complains of; it comes with a rate limit.
+/// Prints a fault that the bus reports. The transport limits the rate.
 static void print_line(void* context, const char* line)
 {
     (void)context;
     fprintf(stderr, "verge-publish: %s\n", line);
 }
 
-/// 0, or the exit status of what one line on standard error has told.
+/// 0, or an exit status after one line on standard error.
 static int open_bus(publisher* self, const arguments* args)
 {
     json_file file = { 0 };
@@ -201,17 +203,17 @@ static int run(publisher* self, const arguments* args)
     }
     output_guard_signals();
     if (args->out != NULL && !output_open(&file, args->out)) {
-        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", args->out, strerror(errno));
+        output_report(args->out);
         transport_close(self->bus);
         return 2;
     }
     self->run = file.stream;
     const double duration = isnan(args->duration) ? self->scene->duration : args->duration;
-    tell_init(&self->tell, args->bus, args->quiet, args->all, clock_us(CLOCK_MONOTONIC));
+    progress_init(&self->progress, args->bus, args->quiet, args->all, clock_us(CLOCK_MONOTONIC));
     bool good = world_init(&self->world, self->scene) && metrics_init(&self->metrics, &self->world);
     good = good && publish(self, duration);
     if (good && args->out != NULL && !output_close(&file)) {
-        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", args->out, strerror(errno));
+        output_report(args->out);
         good = false;
     }
     good = good && print_metrics(self);
@@ -228,8 +230,8 @@ static void publish_states(publisher* self);
 static void follow_plans(publisher* self, int64_t until);
 static void gather_end(publisher* self);
 
-/// Does a vehicle ask for plans?
-static bool asks(const publisher* self)
+/// True: a controlled vehicle is in the scene.
+static bool any_controlled(const publisher* self)
 {
     bool found = false;
     for (uint32_t i = 0; i < self->world.vehicle_count; ++i) {
@@ -246,7 +248,7 @@ static bool publish(publisher* self, double duration)
         self->followers[i] = (follower){ .cycle = -1, .utime = INT64_MIN };
     }
     self->gathered_cycle = -1;
-    // Ticks are kept on the clock that never steps; what is on the wire is wall clock.
+    // Ticks use the monotonic clock; messages carry the wall clock.
     const int64_t begun = clock_us(CLOCK_MONOTONIC);
     self->start = clock_us(CLOCK_REALTIME);
     if (self->run != NULL) {
@@ -261,7 +263,7 @@ static bool publish(publisher* self, double duration)
         if (self->world.tick >= end) {
             break;
         }
-        tell_silence(&self->tell, asks(self), clock_us(CLOCK_MONOTONIC));
+        progress_silence(&self->progress, any_controlled(self), clock_us(CLOCK_MONOTONIC));
         follow_plans(self, begun + ((int64_t)self->world.tick + 1) * TICK_US);
         world_advance(&self->world);
     }
@@ -291,7 +293,7 @@ static void publish_states(publisher* self)
 
 static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_t arrival);
 
-/// Takes in plans until the next tick is due.
+/// Receives plans until the next tick is due.
 static void follow_plans(publisher* self, int64_t until)
 {
     static transport_message batch[DRAIN_BATCH];
@@ -327,20 +329,20 @@ static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_
     const char* fault = wire_plan_check(message);
     if (fault != NULL) {
         ++self->refused;
-        fprintf(stderr, "verge-publish: a plan was refused for its %s\n", fault);
+        fprintf(stderr, "verge-publish: a plan was refused, its field %s is invalid\n", fault);
         return;
     }
     for (uint32_t i = 0; i < self->world.vehicle_count; ++i) {
         const world_vehicle* vehicle = &self->world.vehicles[i];
         if (vehicle->state.id == message->vehicle_id && vehicle->state.controlled) {
             const verge_vehicle_plan plan = plan_of(message);
-            gather(self, message, &plan); // recorded, whether the vehicle follows it or not
+            gather(self, message, &plan); // also a plan that the vehicle does not follow
             follow(self, i, message, &plan, arrival);
         }
     }
 }
 
-/// A vehicle takes a plan that is no older than the one it has.
+/// A vehicle follows a plan that is not older than the one it has.
 static void follow(publisher* self, uint32_t index, const verge_vehicle_plan_t* message,
                    const verge_vehicle_plan* plan, int64_t arrival)
 {
@@ -357,11 +359,11 @@ static void follow(publisher* self, uint32_t index, const verge_vehicle_plan_t* 
     follower->utime = message->utime;
     follower->cycle = message->status == VERGE_CANCELLED ? -1 : message->cycle;
     world_follow(&self->world, plan, (double)(message->utime - self->start) * 1e-6);
-    tell_plan(&self->tell, index, world_time(&self->world), message, plan,
+    progress_plan(&self->progress, index, world_time(&self->world), message, plan,
               clock_us(CLOCK_MONOTONIC));
 }
 
-/// The message in the planner's own words. What the wire leaves out is unknown (NaN).
+/// The message as a plan of the planner. Quantities that the message lacks are NaN.
 static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message)
 {
     verge_vehicle_plan plan;
@@ -391,7 +393,7 @@ static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message)
     return plan;
 }
 
-/// Puts the plans of one cycle together again, for the run file and the metrics.
+/// Collects the plans of one cycle for the run file and the metrics.
 static void gather(publisher* self, const verge_vehicle_plan_t* message,
                    const verge_vehicle_plan* plan)
 {

@@ -112,7 +112,7 @@ bool bus_run_tick(bus_run* self, const json_at* line)
         vehicle.yaw_rate = json_none(&rate) ? (double)NAN : json_as_double(&rate, -1e3, 1e3);
         const verge_vehicle_state_t state = state_message(&vehicle, utime, 0, -1);
         if (!wait_for(self, &state)) {
-            return json_fail(line, "there is not enough memory");
+            return json_fail(line, "out of memory");
         }
     }
     return line->file->error[0] == '\0';
@@ -157,9 +157,9 @@ static bool used_read(const json_at* line, used_states* used)
     return line->file->error[0] == '\0';
 }
 
-/// The states arrive in the order in which they were sent, so those that a cycle used are a prefix
-/// of those waiting: at least up to the last that a plan names, and not the first that one denies.
-/// Between them are only states of vehicles without a plan.
+/// The states arrive in the order in which they were sent, so a cycle uses a prefix of the waiting
+/// ones: at least up to the last one that a plan names, and at most up to the first one that a plan
+/// excludes. Between these two are only states of vehicles without a plan.
 typedef struct prefix {
     uint32_t least, most; ///< states
     uint32_t likely;      ///< all of the ticks that some plan used
@@ -217,8 +217,8 @@ static bool plan_with(bus_run* self, uint32_t count, int32_t number, int64_t uti
     return self->cycle.plan.digest == digest;
 }
 
-/// The likely number of states first, then every other possible one. Where none has the digest the
-/// cycle is left as with the likely one.
+/// Tries the likely number of states first, then every other possible one. If none has the digest,
+/// the result is that of the likely number.
 static bool plan_again(bus_run* self, const used_states* used, int32_t number, int64_t utime,
                        uint64_t digest)
 {
@@ -238,7 +238,7 @@ static bool plan_again(bus_run* self, const used_states* used, int32_t number, i
     return same;
 }
 
-/// A roadside unit that counts from the start again has forgotten everything.
+/// A cycle number that starts again means that the roadside unit was restarted.
 static void start_again(bus_run* self)
 {
     const cycle_def def = self->cycle.def;
@@ -250,7 +250,7 @@ bool bus_run_plan(bus_run* self, const json_at* line, uint64_t digest)
 {
     const json_at number_at = json_member(line, "cycle");
     if (!json_given(&number_at) || self->ended) {
-        return true; // sent because a plan was late: no cycle of its own
+        return true; // sent because a cycle was late, so not a cycle of its own
     }
     used_states   used;
     const int32_t number = (int32_t)json_as_integer(&number_at, 0, INT32_MAX);

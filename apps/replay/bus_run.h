@@ -1,14 +1,15 @@
-/// Plans a run of verge-publish once more: the states that it sent go through the inbox and the
-/// cycles of the daemon, each vehicle's up to the one that its plan was made from. Of vehicles
-/// without a plan the run does not tell which state a cycle used, where some were sent at its very
-/// instant; each possibility is planned, until one has the digest.
+/// Plans a run of verge-publish again. The states that it sent go through the inbox and the cycles
+/// of the daemon, for each vehicle up to the state from which its plan was made. For vehicles
+/// without a plan the run does not state which one was used; if states were sent at the instant of
+/// a cycle, each possibility is planned until one has the recorded digest.
 ///
 ///     bus_run_init(&run, &scene, start_utime, &def, &planner_def, memory, memory_size);
 ///     for each line: bus_run_tick(&run, &at) or bus_run_plan(&run, &at, digest);
 ///     bus_run_free(&run);
 ///
-/// The plans come out the same where the roadside unit planned with this planner, heard nobody else,
-/// and had an empty road before. A cycle whose plans did not arrive ends what can be compared.
+/// The plans are equal if the roadside unit used the same planner, received no other states, and
+/// had an empty road before the run. After a cycle whose plans did not arrive no more cycles can be
+/// compared.
 #ifndef VERGE_REPLAY_BUS_RUN_H
 #define VERGE_REPLAY_BUS_RUN_H
 
@@ -21,7 +22,7 @@ typedef struct bus_run {
     int64_t  start_utime;          ///< [us] of t = 0
     int64_t  horizon_us;           ///< from a plan's instant to the end of its validity
     cycle    cycle;
-    verge_vehicle_state_t* waiting; ///< sent, and not yet known to have been used
+    verge_vehicle_state_t* waiting; ///< sent, and not yet used by a cycle
     uint32_t waiting_count, waiting_capacity;
     void*    memory;               ///< of the planner
     size_t   memory_size;
@@ -31,19 +32,19 @@ typedef struct bus_run {
     uint32_t compared;             ///< cycles
     int32_t  last_number;          ///< of a cycle; -1: none
     int32_t  gap_number;           ///< -1; else the first cycle that is missing in the run
-    bool     ended;                ///< nothing more can be compared
+    bool     ended;                ///< no more cycles can be compared
     bool     differs;              ///< the cycle below has another digest
     int32_t  differs_number;
     uint64_t recorded, replayed;   ///< digests of the cycle that differs
 } bus_run;
 
-/// def: of the daemon; its planner has not planned yet, has the parameters `planner`, and lives in
-/// this memory, which is copied and put back. False: out of memory.
+/// def: of the daemon. Its planner has the parameters `planner`, has made no step yet, and lives in
+/// `memory`, which is saved and restored. False: out of memory.
 bool bus_run_init(bus_run* self, const scenario* scene, int64_t start_utime, const cycle_def* def,
                   const verge_planner_def* planner, void* memory, size_t memory_size);
 void bus_run_free(bus_run* self);
 
-/// A line of the run with "vehicles". False: the error is in the file of line.
+/// A line of the run with "vehicles". False: the reason is in the error line of its file.
 bool bus_run_tick(bus_run* self, const json_at* line);
 /// One with "plan", whose digest is given. False: as above.
 bool bus_run_plan(bus_run* self, const json_at* line, uint64_t digest);

@@ -1,10 +1,12 @@
-/// verge-replay: plans a recording once more and names the first cycle whose digest differs.
+/// verge-replay: plans a recording again and names the first cycle whose digest differs.
 ///
-/// A run file of verge-sim holds its whole scenario, so it needs nothing else. One of verge-publish
-/// holds the states that it sent; its plans were made by a daemon, with the scenario's parameters or
-/// else those of --config. A log of `verge-rsu --record` needs the configuration it was recorded with. Exit 0: every digest is
-/// the same; 1: one differs; 2: the recording or the command line is not usable. With --seed the
-/// plans are other ones, so that digests differ unless it is the seed of the recording.
+/// A run file of verge-sim contains its whole scenario. A run file of verge-publish contains the
+/// states that it sent; a daemon made its plans, with the parameters of the scenario or of
+/// --config. A log of `verge-rsu --record` needs the configuration with which it was recorded. With
+/// --seed the digests differ, unless it is the seed of the recording.
+///
+/// Exit 0: all digests are equal; 1: one differs; 2: the recording or the command line is not
+/// usable.
 #define _GNU_SOURCE
 #include "bus_run.h"
 
@@ -26,7 +28,8 @@ static int  replay_run_file(const char* path, FILE* file, const char* config_pat
                             const uint64_t* seed);
 static int  replay_log(const char* path, const char* config_path, const uint64_t* seed);
 
-/// Does the sync word of an LCM event stand in the first 64 KiB? A damaged log may begin otherwise.
+/// True: the first 64 KiB contain the sync word of an LCM event. A damaged log may not begin with
+/// it.
 static bool is_log(FILE* file)
 {
     static const unsigned char SYNC[] = { 0xed, 0xa1, 0xda, 0x01 };
@@ -38,7 +41,7 @@ static bool is_log(FILE* file)
 
 int main(int argc, char** argv)
 {
-    floating_correct(); // what is compared is compared in the mode it was planned in
+    floating_correct(); // the mode in which the daemon plans
     const char* config_path = NULL;
     const char* seed_text = NULL;
     const option_entry table[] = {
@@ -90,12 +93,12 @@ int main(int argc, char** argv)
     return output_flush("verge-replay") ? status : 1;
 }
 
-static void tell_equal(const char* path, uint64_t cycles)
+static void print_equal(const char* path, uint64_t cycles)
 {
     printf("%s: %" PRIu64 " cycles, every digest is the same\n", path, cycles);
 }
 
-static void tell_different(const char* path, int64_t cycle, const char* when, uint64_t recorded,
+static void print_different(const char* path, int64_t cycle, const char* when, uint64_t recorded,
                            uint64_t replayed)
 {
     printf("%s: cycle %" PRId64 " (%s) is the first that differs: recorded %016" PRIx64
@@ -136,11 +139,11 @@ static int replay_log(const char* path, const char* config_path, const uint64_t*
         char when[64];
         snprintf(when, sizeof when, "utime %" PRId64 "%s", report.differs_utime,
                  report.count_differs ? ", other vehicles planned" : "");
-        tell_different(path, report.differs_cycle, when, report.recorded_digest,
+        print_different(path, report.differs_cycle, when, report.recorded_digest,
                        report.replayed_digest);
         return 1;
     }
-    tell_equal(path, report.compared);
+    print_equal(path, report.compared);
     return 0;
 }
 
@@ -163,7 +166,7 @@ typedef struct recording {
 
 static bool read_recording(recording* self, const char* path, FILE* file, const uint64_t* seed);
 static int  compare(const char* path, const recording* self, world* world);
-static int  tell_bus_run(const char* path, const recording* self);
+static int  print_bus_run(const char* path, const recording* self);
 
 static int replay_run_file(const char* path, FILE* file, const char* config_path,
                            const uint64_t* seed)
@@ -173,7 +176,7 @@ static int replay_run_file(const char* path, FILE* file, const char* config_path
     self.config_path = config_path;
     const bool read = read_recording(&self, path, file, seed);
     if (read && self.on_bus) {
-        code = tell_bus_run(path, &self);
+        code = print_bus_run(path, &self);
         scenario_free(&self.scene);
     } else if (read) {
         world world;
@@ -181,7 +184,7 @@ static int replay_run_file(const char* path, FILE* file, const char* config_path
             code = compare(path, &self, &world);
             world_free(&world);
         } else {
-            fprintf(stderr, "%s:file: there is not enough memory\n", path);
+            fprintf(stderr, "%s:file: out of memory\n", path);
         }
         scenario_free(&self.scene);
     }
@@ -192,18 +195,18 @@ static int replay_run_file(const char* path, FILE* file, const char* config_path
     return code;
 }
 
-static int tell_bus_run(const char* path, const recording* self)
+static int print_bus_run(const char* path, const recording* self)
 {
     const bus_run* bus = &self->bus;
     if (bus->differs) {
-        tell_different(path, bus->differs_number, "of the roadside unit", bus->recorded,
+        print_different(path, bus->differs_number, "of the roadside unit", bus->recorded,
                        bus->replayed);
         fprintf(stderr, "%s:file: planned by a roadside unit; expected %sno other vehicles on its"
                         " bus, and an empty road before\n", path,
                 self->config != NULL ? "" : "its parameters in the scenario or in --config, ");
         return 1;
     }
-    tell_equal(path, bus->compared);
+    print_equal(path, bus->compared);
     if (bus->ended) {
         fprintf(stderr, "%s:file: the plans of cycle %d did not arrive, so those of later cycles"
                         " cannot be compared\n", path, bus->gap_number);
@@ -229,7 +232,7 @@ static bool read_recording(recording* self, const char* path, FILE* file, const 
         json_file line;
         good = json_file_parse(&line, name, text, (size_t)size);
         if (!good && number > 1 && text[size - 1] != '\n') {
-            fprintf(stderr, "%s: cut off; the run goes up to there\n", name);
+            fprintf(stderr, "%s: cut off; the run is compared up to there\n", name);
             good = true;
             break;
         }
@@ -273,7 +276,7 @@ static bool read_head(recording* self, const char* path, json_file* line, const 
     const bool built =
         text != NULL && scenario_parse(&self->scene, path, text, strlen(text), seed);
     if (text == NULL) {
-        fprintf(stderr, "%s: there is not enough memory\n", path);
+        fprintf(stderr, "%s: out of memory\n", path);
     } else if (!built) {
         fputs(self->scene.file.error, stderr);
     }
@@ -281,7 +284,7 @@ static bool read_head(recording* self, const char* path, json_file* line, const 
     return built;
 }
 
-/// A run of verge-publish tells when it began.
+/// A run of verge-publish has the instant of its start.
 static bool read_kind(recording* self, json_file* line, const uint64_t* seed)
 {
     const json_at root = json_root(line);
@@ -290,8 +293,8 @@ static bool read_kind(recording* self, json_file* line, const uint64_t* seed)
         return open_bus_run(self, &start, seed);
     }
     if (self->config_path != NULL) {
-        fprintf(stderr, "verge-replay:--config: given for a run of verge-sim, expected a log or a run"
-                        " of verge-publish\n");
+        fprintf(stderr, "verge-replay:--config: given for a run of verge-sim, expected a log or a"
+                        " run of verge-publish\n");
     }
     return self->config_path == NULL;
 }
@@ -328,7 +331,7 @@ static bool open_bus_run(recording* self, const json_at* start, const uint64_t* 
                                 configured ? &self->config->planner : &self->scene.def,
                                 configured ? self->planner.memory : self->scene.arena,
                                 configured ? self->planner.size : self->scene.arena_size);
-    return self->on_bus || json_fail(start, "there is not enough memory");
+    return self->on_bus || json_fail(start, "out of memory");
 }
 
 static bool keep_digest(recording* self, uint64_t digest)
@@ -346,7 +349,7 @@ static bool keep_digest(recording* self, uint64_t digest)
     return true;
 }
 
-/// Any other line: of interest where it has a plan, or the metrics that end the run.
+/// Any other line: only plans and the final metrics are used.
 static bool read_line(recording* self, const char* path, json_file* line)
 {
     (void)path;
@@ -363,15 +366,15 @@ static bool read_line(recording* self, const char* path, json_file* line)
     const uint64_t digest = strtoull(text, &end, 16);
     if (strlen(text) != 16 || *end != '\0') {
         const json_at at = json_member(&plan, "digest");
-        return json_fail(&at, "is no digest, expected 16 hex digits");
+        return json_fail(&at, "is not a digest, expected 16 hexadecimal digits");
     }
     if (self->on_bus && !bus_run_plan(&self->bus, &root, digest)) {
         return false;
     }
-    return keep_digest(self, digest) || json_fail(&plan, "there is not enough memory");
+    return keep_digest(self, digest) || json_fail(&plan, "out of memory");
 }
 
-/// The closed loop of verge-sim once more; every cycle beside the recorded one.
+/// Repeats the closed loop of verge-sim and compares every cycle with the recorded one.
 static int compare(const char* path, const recording* self, world* world)
 {
     static verge_plan plan;
@@ -389,11 +392,11 @@ static int compare(const char* path, const recording* self, world* world)
         const verge_status status = verge_planner_step(
             self->scene.planner, world_utime(world), vehicles, count, &plan);
         if (number == self->count && !self->complete) {
-            break; // the run was cut short: what is there has been compared
+            break; // the run was cut short, and all of it has been compared
         }
         const uint64_t recorded = number < self->count ? self->digests[number] : 0;
         if (status != VERGE_OK || number == self->count || recorded != plan.digest) {
-            tell_different(path, number, when, recorded, status == VERGE_OK ? plan.digest : 0);
+            print_different(path, number, when, recorded, status == VERGE_OK ? plan.digest : 0);
             return 1;
         }
         ++number;
@@ -402,9 +405,9 @@ static int compare(const char* path, const recording* self, world* world)
         }
     }
     if (number < self->count) {
-        tell_different(path, number, "after the end of the scenario", self->digests[number], 0);
+        print_different(path, number, "after the end of the scenario", self->digests[number], 0);
         return 1;
     }
-    tell_equal(path, number);
+    print_equal(path, number);
     return 0;
 }

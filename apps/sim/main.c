@@ -1,10 +1,11 @@
-/// verge-sim: a scenario in closed loop, from its initial state to its end. Humans move by their
-/// model or track, controlled vehicles along their latest trajectory, planned anew every
-/// simulation.replan seconds. Prints the metrics, writes the run file.
+/// verge-sim: runs a scenario in closed loop, from its initial state to its end. Uncontrolled
+/// vehicles move by their model or track, controlled vehicles along their latest trajectory, which
+/// is planned every simulation.replan seconds. Prints the metrics and writes the run file.
 #include "common/number.h"
 #include "common/options.h"
 #include "common/output.h"
 #include "common/run.h"
+#include "common/scenario_open.h"
 
 #include <errno.h>
 #include <math.h>
@@ -13,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-/// One run: where it goes and what was asked for.
+/// One run with its options.
 typedef struct simulation {
     const scenario* scene;
     world           world;
@@ -50,17 +51,11 @@ int main(int argc, char** argv)
     };
     const char* path = NULL;
     int         status = 0;
-    uint64_t    seed = 0;
-    bool        seeded = false;
     if (!options_parse(&self, argc, argv, &path, &status)) {
         return status;
     }
-    if (!options_u64(&self, "--seed", seed_text, &seed, &seeded)) {
-        return 2;
-    }
     scenario scene;
-    if (!scenario_load(&scene, path, seeded ? &seed : NULL)) {
-        fputs(scene.file.error, stderr);
+    if (!scenario_open(&scene, &self, path, seed_text)) {
         return 2;
     }
     status = run(&scene, out, !no_timing);
@@ -75,17 +70,17 @@ static int run(const scenario* scene, const char* path, bool timing)
     self = (simulation){ .scene = scene, .timing = timing };
     output_guard_signals();
     if (path != NULL && !output_open(&file, path)) {
-        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", path, strerror(errno));
+        output_report(path);
         return 2;
     }
     self.run = file.stream;
     bool good = world_init(&self.world, scene) && metrics_init(&self.metrics, &self.world);
     if (!good) {
-        fputs("verge-sim:memory: there is not enough of it\n", stderr);
+        fputs("verge-sim:memory: out of memory\n", stderr);
     }
     good = good && simulate(&self);
     if (good && path != NULL && !output_close(&file)) {
-        fprintf(stderr, "%s:file: cannot be written (%s), expected room for the run\n", path, strerror(errno));
+        output_report(path);
         good = false;
     }
     good = good && metrics_print(&self);
@@ -106,7 +101,7 @@ static bool simulate(simulation* self)
     for (;;) {
         const uint32_t tick = self->world.tick;
         const bool     plans = tick % cycle == 0 && tick < end;
-        // Planned before the tick is written: its lights are those of the plan active from it on.
+        // Plan before the tick is written, because its lights are those of the new plan.
         if (plans && !plan_cycle(self)) {
             return false;
         }
@@ -134,7 +129,7 @@ static bool simulate(simulation* self)
     return true;
 }
 
-/// Plans for the world as it is and hands everyone their plan.
+/// Plans for the present state of the world and gives each controlled vehicle its plan.
 static bool plan_cycle(simulation* self)
 {
     verge_vehicle      vehicles[VERGE_VEHICLES_MAX];

@@ -48,7 +48,7 @@ def one_line_says_when_plans_begin_and_when_they_end(rig):
         rsu.stop()
     out, error = publisher.communicate(timeout=60)
     lines = error.splitlines()
-    check(len(lines) == 3 and "no plan for 3 s" in lines[0] and "plans come, after" in lines[1] and
+    check(len(lines) == 3 and "no plan for 3 s" in lines[0] and "plans are received, after" in lines[1] and
           "no plan for 6 s" in lines[2], f"told as {error!r}")
     check(out.count("cancelled") == 3, "and the cancelled plans are changes")
 

@@ -57,7 +57,7 @@ static void test_the_character_that_separates_values_is_named(void** state)
         { "{\"a\": 1\n\"b\": 2}",
           "a.json:2: found the string \"b\", expected \",\" or \"}\" after a value" },
         { "[1 2]", "a.json:1: found \"2\", expected \",\" or \"]\" after a value" },
-        { "[1;2]", "a.json:1: \"1;2\" is no number of JSON, expected one like 15, 15.0 or 1e-3" },
+        { "[1;2]", "a.json:1: \"1;2\" is not a JSON number, expected one like 15, 15.0 or 1e-3" },
         { "{\"a\" 1}", "a.json:1: found \"1\", expected \":\" after a key" },
         { "{\"a\" = 1}", "a.json:1: found \"=\", expected \":\" after a key" },
         { "{\"a\", 1}", "a.json:1: found \",\", expected \":\" after a key" },
@@ -100,23 +100,23 @@ static void test_text_in_other_languages_is_shown(void** state)
         { "{\"a\": None}", "a.json:1: found \"None\", expected " VALUE },
         { "{\"a\": NaN}", "a.json:1: found \"NaN\", expected " VALUE },
         { "{\"a\": -Infinity}",
-          "a.json:1: \"-Infinity\" is no number of JSON, expected one like 15, 15.0 or 1e-3" },
+          "a.json:1: \"-Infinity\" is not a JSON number, expected one like 15, 15.0 or 1e-3" },
         { "{\"a\": 'b'}", "a.json:1: found \"'b'\", expected " VALUE },
         { "{\"a\": 0x1f}",
-          "a.json:1: \"0x1f\" is no number of JSON, expected one like 15, 15.0 or 1e-3" },
-        { "[1.]", "a.json:1: \"1.\" is no number of JSON, expected one like 15, 15.0 or 1e-3" },
-        { "[1,5.e3]", "a.json:1: \"5.e3\" is no number of JSON, expected one like 15, 15.0 or 1e-3" },
+          "a.json:1: \"0x1f\" is not a JSON number, expected one like 15, 15.0 or 1e-3" },
+        { "[1.]", "a.json:1: \"1.\" is not a JSON number, expected one like 15, 15.0 or 1e-3" },
+        { "[1,5.e3]", "a.json:1: \"5.e3\" is not a JSON number, expected one like 15, 15.0 or 1e-3" },
         { "// hello\n{}", "a.json:1: a comment, which JSON does not have, expected " VALUE },
         { "{\"a\": 1, /* b */ \"c\": 2}",
           "a.json:1: a comment, which JSON does not have, expected a key in double quotes" },
         { "{\"a\": \"b\nc\"}",
           "a.json:1: a string that does not end on its line, expected its closing quote" },
         { "[\"a\tb\"]", "a.json:1: a control character in a string, expected it escaped as \\u0009" },
-        { "[\"\\x41\"]", "a.json:1: \"\\x\" is no escape of JSON, expected one of"
+        { "[\"\\x41\"]", "a.json:1: \"\\x\" is not a JSON escape, expected one of"
                          " \\\" \\\\ \\/ \\b \\f \\n \\r \\t \\u" },
-        { "[\"\\ud800\"]", "a.json:1: \"\\ud800\" is no character, expected \\u and four hexadecimal"
+        { "[\"\\ud800\"]", "a.json:1: \"\\ud800\" is not a character, expected \\u and four hexadecimal"
                            " digits, above ffff a pair of them" },
-        { "[\"\\u0000\"]", "a.json:1: \"\\u0000\" is no character, expected \\u and four hexadecimal"
+        { "[\"\\u0000\"]", "a.json:1: \"\\u0000\" is not a character, expected \\u and four hexadecimal"
                            " digits, above ffff a pair of them" },
         { "\x7f", "a.json:1: found \"?\", expected " VALUE },
     };

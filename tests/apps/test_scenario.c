@@ -236,7 +236,7 @@ static void test_a_body_that_cannot_be_is_refused_by_its_field(void** state)
     (void)state;
     static const char* const wrong[][2] = {
         { "\"body\": \"tank\"", "vehicles[0].body: is \"tank\", expected" },
-        { "\"body\": 3", "vehicles[0].body: is no body, expected" },
+        { "\"body\": 3", "vehicles[0].body: is not a body, expected" },
         { "\"body\": { \"kind\": \"tank\" }", "vehicles[0].body.kind: is \"tank\", expected" },
         { "\"body\": { \"axle\": 2 }", "vehicles[0].body.axle: unknown key" },
         { "\"body\": { \"rear_axle\": 2 }", "vehicles[0].length: is missing" },

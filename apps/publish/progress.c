@@ -1,42 +1,43 @@
-/// See tell.h.
-#include "tell.h"
+/// See progress.h.
+#include "progress.h"
 
 #include <stdio.h>
 #include <string.h>
 
-static bool changes(told_plan* last, const verge_vehicle_plan* plan);
+static bool changes(printed_plan* last, const verge_vehicle_plan* plan);
 static void plan_print(double time, const verge_vehicle_plan_t* message,
                        const verge_vehicle_plan* plan);
 
-void tell_init(tell* self, const char* bus, bool quiet, bool all, int64_t now_us)
+void progress_init(progress* self, const char* bus, bool quiet, bool all, int64_t now_us)
 {
-    *self = (tell){ .bus = bus, .quiet = quiet, .all = all, .heard_us = now_us };
+    *self = (progress){ .bus = bus, .quiet = quiet, .all = all, .received_us = now_us };
 }
 
-void tell_plan(tell* self, uint32_t index, double time, const verge_vehicle_plan_t* message,
-               const verge_vehicle_plan* plan, int64_t now_us)
+void progress_plan(progress* self, uint32_t index, double time,
+                   const verge_vehicle_plan_t* message, const verge_vehicle_plan* plan,
+                   int64_t now_us)
 {
     if (self->silent) {
-        fprintf(stderr, "verge-publish: plans come, after %.1f s\n",
-                (double)(now_us - self->heard_us) * 1e-6);
+        fprintf(stderr, "verge-publish: plans are received, after %.1f s\n",
+                (double)(now_us - self->received_us) * 1e-6);
     }
     self->silent = false;
-    self->heard = true;
-    self->heard_us = now_us;
+    self->received = true;
+    self->received_us = now_us;
     const bool changed = changes(&self->last[index], plan);
     if (!self->quiet && (changed || self->all)) {
         plan_print(time, message, plan);
     }
 }
 
-void tell_silence(tell* self, bool expected, int64_t now_us)
+void progress_silence(progress* self, bool expected, int64_t now_us)
 {
-    const int64_t most = self->heard ? TELL_SILENCE_US : TELL_SILENCE_FIRST_US;
+    const int64_t most = self->received ? PROGRESS_SILENCE_US : PROGRESS_SILENCE_FIRST_US;
     if (!expected) {
-        self->heard_us = now_us; // nobody waits
+        self->received_us = now_us; // no vehicle waits for a plan
         return;
     }
-    if (self->silent || now_us - self->heard_us < most) {
+    if (self->silent || now_us - self->received_us < most) {
         return;
     }
     self->silent = true;
@@ -45,18 +46,18 @@ void tell_silence(tell* self, bool expected, int64_t now_us)
                     " status what the daemon refuses)\n", (int)(most / 1000000), self->bus);
 }
 
-/// Remembers the plan.
-static bool changes(told_plan* last, const verge_vehicle_plan* plan)
+/// Compares the plan with the last one and stores it.
+static bool changes(printed_plan* last, const verge_vehicle_plan* plan)
 {
-    const bool      acts = plan->action_count > 0;
-    const told_plan now = {
-        .told = true,
+    const bool         acts = plan->action_count > 0;
+    const printed_plan now = {
+        .printed = true,
         .status = (int32_t)plan->status,
         .reason = (int32_t)plan->reason,
         .action = acts ? (int32_t)plan->actions[0].action : -1,
         .lane = acts ? plan->actions[plan->action_count - 1].lane_id : VERGE_NO_LANE,
     };
-    const bool same = last->told && last->status == now.status && last->reason == now.reason &&
+    const bool same = last->printed && last->status == now.status && last->reason == now.reason &&
                       last->action == now.action && last->lane == now.lane;
     *last = now;
     return !same;
@@ -68,7 +69,7 @@ static const char* status_word(int32_t status)
     return WORDS[status];
 }
 
-/// One line: the vehicle, the cycle, the actions, the first one in words, where they lead.
+/// One line: vehicle, cycle, actions, the first action in words, and the state at the end.
 static void plan_print(double time, const verge_vehicle_plan_t* message,
                        const verge_vehicle_plan* plan)
 {

@@ -22,7 +22,10 @@
 extern "C" {
 #endif
 
-/// One decision step of one vehicle: its action from t0 to t1 and the state expected at t1.
+/// One decision step of one vehicle: its action from t0 to t1 and the state expected at t1. A step
+/// may have any length. Stages that read steps use action, lane, times, s, d, v and distance. The
+/// rest informs people: it goes to the plan as it is, but the brake light is on also where the
+/// trajectory brakes.
 typedef struct verge_action_step {
     verge_action action;
     int32_t lane_id;        ///< the lane at t1
@@ -39,10 +42,12 @@ typedef struct verge_action_step {
 /// most size bytes, always null-terminated. Returns the length without the terminator.
 size_t verge_action_say(const verge_action_step* step, char* text, size_t size);
 
-/// The decision of one vehicle: consecutive steps; the first one starts at t0 = 0.
+/// The decision of one vehicle: consecutive steps; the first one starts at t0 = 0, each further one
+/// where the one before ends (within 1e-6 s).
 typedef struct verge_vehicle_decision {
     int32_t  vehicle_id;
-    uint32_t step_count; ///< 0 .. VERGE_STEPS_MAX; together at least as long as a trajectory
+    uint32_t step_count; ///< 1 .. VERGE_STEPS_MAX; together at least as long as a trajectory,
+                         ///< (points - 1) * point_s, where one is planned
     verge_action_step steps[VERGE_STEPS_MAX];
 } verge_vehicle_decision;
 

@@ -33,7 +33,7 @@ typedef struct verge_plan {
     verge_vehicle_plan  vehicles[VERGE_CONTROLLED_MAX];
     uint32_t            prediction_count;
     verge_prediction    predictions[VERGE_VEHICLES_MAX];
-    uint32_t            fallback_count;
+    uint32_t            fallback_count;  ///< vehicle plans with another status than VERGE_PLANNED
     uint32_t            replanned_count; ///< vehicles planned again after the joint check
 } verge_plan;
 

@@ -6,7 +6,7 @@
 /// to), finds which neighbours run beside where,
 /// which lanes meet downstream, and where lanes that are not neighbours run through the same area.
 ///
-/// Lifetime    The def and all it points to are read by verge_planner_init() only, and copied.
+/// Lifetime    A call that takes a def reads it, and all that it points to, only until it returns.
 #ifndef VERGE_ROAD_H
 #define VERGE_ROAD_H
 
@@ -53,12 +53,13 @@ typedef struct verge_road_fault {
     const char* text;   ///< what is wrong and what was expected
 } verge_road_fault;
 
-/// Checks everything verge_planner_init() would refuse a road for.
+/// Checks everything verge_planner_init() would refuse a road for. fault may be null.
 /// @retval VERGE_OK        the road can be built; fault->field is null
-/// @retval VERGE_ERR_ROAD  fault tells the first trouble, in lane order
+/// @retval VERGE_ERR_ROAD  fault states the first defect, in lane order
 verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault);
 
-/// A built road, inside a planner's arena; valid as long as the planner. See verge_planner_road().
+/// A built road. It lives in the memory it was built in: that of its planner (verge_planner_road()),
+/// or the caller's (verge_road_init()).
 typedef struct verge_road verge_road;
 
 /// Bytes verge_road_init() needs; 0 if the road is refused. The road keeps *road_size (may be null)
@@ -73,10 +74,12 @@ verge_status verge_road_init(const verge_road** road, const verge_road_def* def,
 /// Which lane a body is on: the lane that contains (x, y) and whose direction fits the heading
 /// best; outside all lanes the nearest within 2 m of an edge, else lane_id = VERGE_NO_LANE.
 /// prefer_lane: a lane id to take when several contain the point (or VERGE_NO_LANE).
+/// VERGE_NO_LANE also where x, y or heading is not finite.
 verge_lane_position verge_road_project(const verge_road* road, double x, double y, double heading,
                                        int32_t prefer_lane);
 
 /// The same on one given lane, wherever the point is (s may be < 0 or beyond the lane's length).
+/// lane_id is VERGE_NO_LANE where the lane is unknown or x or y is not finite.
 verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_id, double x,
                                           double y);
 

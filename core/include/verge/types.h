@@ -71,7 +71,7 @@ typedef enum verge_habit_kind {
 /// The three habits of Table 2.
 verge_habit verge_habit_of(verge_habit_kind kind);
 
-/// The state of one vehicle: the input of a planning step.
+/// The state of one vehicle: the input of a planning step. Ranges: verge_vehicle_limits().
 typedef struct verge_vehicle {
     int32_t id;             ///< >= 0, unique in a step
     bool    controlled;     ///< true: verge plans it (the paper's AV); false: verge predicts it

@@ -301,6 +301,25 @@ static void a_decision_that_claims_more_vehicles_than_its_array_is_refused(void*
     assert_int_equal(one.tracks.count, 0);
 }
 
+// ---------------------------------------------------------------------------- scenes
+
+static void a_body_with_only_some_of_its_numbers_is_refused(void** state)
+{
+    (void)state;
+    uint32_t count = 0;
+    const verge_body_param* params = verge_body_params(&count);
+    assert_true(count >= 16);
+    for (uint32_t i = 0; i < count; ++i) {
+        for (uint32_t k = 0; k < 2; ++k) {
+            verge_vehicle heard = vehicle_at(3, true, 50.0, 0.0, 10.0);
+            const double number = k == 0 ? params[i].max : (double)NAN;
+            memcpy((char*)&heard.body + params[i].offset, &number, sizeof number);
+            assert_int_equal(verge_scene_place(&one.scene, 0, &heard, 1, NULL), VERGE_ERR_VEHICLE);
+            assert_int_equal(one.scene.vehicle_count, 0);
+        }
+    }
+}
+
 // ---------------------------------------------------------------------------- prediction
 
 static void a_vehicle_without_a_decision_is_predicted_as_a_human(void** state)
@@ -562,6 +581,7 @@ int main(void)
         CASE(a_decision_that_makes_no_sense_is_refused_and_changes_nothing),
         CASE(a_decision_shorter_than_the_trajectory_is_refused),
         CASE(a_decision_that_claims_more_vehicles_than_its_array_is_refused),
+        CASE(a_body_with_only_some_of_its_numbers_is_refused),
         CASE(a_vehicle_without_a_decision_is_predicted_as_a_human),
         CASE(tracks_of_other_vehicles_or_not_finite_are_refused),
         CASE(of_the_vehicles_own_track_only_its_size_counts),

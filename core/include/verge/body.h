@@ -32,7 +32,8 @@
 extern "C" {
 #endif
 
-/// All fields zero: not given; the body is derived from length and width of the vehicle.
+/// All fields zero: not given; the body is derived from length and width of the vehicle. A body
+/// with only some of its numbers is refused.
 typedef struct verge_body {
     double length, width;     ///< [m] 0.5 .. 30, 0.3 .. 4: the rectangle (of the tractor)
     double rear_axle;         ///< [m] 0 .. 0.5 * length, behind the centre; of an axle group: its

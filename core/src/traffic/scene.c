@@ -77,11 +77,24 @@ static bool habit_holds(const verge_habit* habit)
     return habit->cooperation >= 0.0 && habit->cooperation <= 1.0;
 }
 
+// A single number that is not zero counts: a trailer alone would be one without width and axle.
+static bool body_is_given(const verge_body* body)
+{
+    uint32_t count = 0;
+    const verge_body_param* params = verge_body_params(&count);
+    bool given = false;
+    for (uint32_t i = 0; i < count; ++i) {
+        const char* at = (const char*)body + params[i].offset;
+        given = given || *(const double*)(const void*)at != 0.0;
+    }
+    return given;
+}
+
 // A body is valid if it is not given, or if its numbers are in range and it has the vehicle's size.
 static bool body_holds(const verge_vehicle* v)
 {
     const verge_body* body = &v->body;
-    if (body->length == 0.0 && body->wheelbase == 0.0 && body->rear_axle == 0.0) {
+    if (!body_is_given(body)) {
         return true;
     }
     return verge_body_check(body, NULL) && body->length == v->length && body->width == v->width;

@@ -486,7 +486,7 @@ static void test_a_vehicle_that_leaves_the_map_is_used_once_more_and_strangers_n
     run_at(self, 0.1);
     assert_int_equal(self->cycle.view.count, 2);
     run_at(self, 0.2); // reports what the cycle at 0.1 s found
-    for (int32_t id = 100; id < 140; id++) { // beside the road, more than the inbox has slots
+    for (int32_t id = 100; id < 140; ++id) { // beside the road, more than the inbox has slots
         verge_vehicle_state_t stranger = state_at(0, 0.3, false);
         stranger.vehicle_id = id;
         stranger.y = 40.0;

@@ -28,12 +28,12 @@ static void test_the_same_fault_is_logged_at_once_and_then_every_ten_seconds(voi
     (void)state;
     static complaints box;
     begin(&box);
-    complaints_tell(&box, 100);
+    complaints_log(&box, 100);
     assert_int_equal(told_count, 0);
     for (int64_t second = 100; second < 125; ++second) {
         for (int i = 0; i < 7; ++i) {
             complaints_add(&box, 1, "no certificate");
-            complaints_tell(&box, second);
+            complaints_log(&box, second);
         }
     }
     assert_int_equal(told_count, 3);
@@ -42,7 +42,7 @@ static void test_the_same_fault_is_logged_at_once_and_then_every_ten_seconds(voi
     // Another trouble does not wait for the first one's turn; the newest words of a kind count.
     complaints_add(&box, 2, "first words");
     complaints_add(&box, 2, "newest words");
-    complaints_tell(&box, 126);
+    complaints_log(&box, 126);
     assert_int_equal(told_count, 4);
     assert_string_equal(told[3], "newest words (2 times)");
     complaints_destroy(&box);
@@ -59,7 +59,7 @@ static void test_different_faults_give_at_most_five_lines_a_second(void** state)
         for (int i = 0; i < 1000; ++i) {
             snprintf(line, sizeof line, "trouble %u", ++kind);
             complaints_add(&box, kind, line);
-            complaints_tell(&box, second);
+            complaints_log(&box, second);
         }
         CHECK_AT_MOST(told_count, 5 * second);
     }
@@ -77,12 +77,12 @@ static void test_a_missing_listener_is_no_error_and_long_lines_are_cut(void** st
     text[sizeof text - 1] = '\0';
     complaints_init(&box, &(transport_options){ .log = NULL });
     complaints_add(&box, 1, text);
-    complaints_tell(&box, 1);
+    complaints_log(&box, 1);
     complaints_destroy(&box);
 
     begin(&box);
     complaints_add(&box, 1, text);
-    complaints_tell(&box, 1);
+    complaints_log(&box, 1);
     assert_int_equal(strlen(told[0]), COMPLAINT_SIZE - 1);
     complaints_destroy(&box);
 }
@@ -105,12 +105,12 @@ static void test_lines_of_many_threads_are_not_mixed(void** state)
         assert_int_equal(pthread_create(&threads[i], NULL, complain, &box), 0);
     }
     for (int64_t second = 1; second < 1000; ++second) {
-        complaints_tell(&box, second);
+        complaints_log(&box, second);
     }
     for (int i = 0; i < 3; ++i) {
         pthread_join(threads[i], NULL);
     }
-    complaints_tell(&box, 2000);
+    complaints_log(&box, 2000);
     CHECK_BETWEEN(told_count, 5, 30000);
     for (uint32_t i = 0; i < 64 && i < told_count; ++i) {
         assert_int_equal(strncmp(told[i], "a line that is whole", 20), 0);

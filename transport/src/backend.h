@@ -1,10 +1,10 @@
-/// What a bus has to do for transport.c. This page is for the author of a new one, such as Zenoh or
-/// MQTT; loop.c is the shortest example, lcm.c speaks a protocol of bytes, dds.c uses a middleware.
+/// The interface between transport.c and a bus, for the author of a new one, such as Zenoh or MQTT.
+/// loop.c is the shortest example, lcm.c implements a protocol of bytes, dds.c uses a middleware.
 ///
 /// A backend moves typed messages. It receives a transport_message to send and fills one when it
-/// takes one; how the message travels (LCM's encoding, CDR, JSON) is its own business. What is the
-/// same on every bus is in transport.c: URLs, checksums, the counters of what was received and
-/// published. Above it, inbox.c decides on ranges, age, order and identity.
+/// takes one. The encoding on the wire (LCM's, CDR, JSON) is internal to it. transport.c has the
+/// parts that all buses share: URLs, checksums, the counters of received and published messages.
+/// Above it, inbox.c checks ranges, age, order and identity.
 ///
 /// Ownership   open() allocates whatever the bus needs, close() frees it. Between them the
 ///             backend's own code does not allocate, so that a cycle of the daemon does not. Where
@@ -13,9 +13,9 @@
 ///             until close() returns.
 /// Messages    send() gets a sealed message: every field is set, padding is zero, crc32 is right.
 ///             It must not keep the pointer. take() fills kind, the struct of this kind in `as`,
-///             sender and arrival_utime; all of it is the caller's then. crc32 is carried as it was
-///             sent: transport.c compares it with the fields and counts what was changed on its way
-///             as malformed. Fields are otherwise not looked at here.
+///             sender and arrival_utime. crc32 is delivered as it was sent: transport.c compares it
+///             with the fields and counts a changed message as malformed. The backend does not
+///             check fields.
 /// Threads     take() is called by one thread at a time and send() by one thread at a time, but
 ///             these may be two threads: what both use is atomic or guarded. Threads of a
 ///             middleware may fill a queue of the backend; they must not call options->log (see
@@ -27,10 +27,10 @@
 ///             caller polls it, then takes until TAKE_NOTHING. It stays the same descriptor from
 ///             open() to close(), over every reconnection. Where the middleware has no descriptor,
 ///             use an eventfd that its threads write to; clear it before the last look at the
-///             queue, so that what arrives in between raises it again (dds_bus_take()).
-/// Loss        States are replaced every 0.1 s: deliver the newest, give up the oldest. Plans are
-///             worth sending again until they are 3 s old. Statuses should also reach a program
-///             that starts later. What was given up is counted in `dropped`, at either end.
+///             queue, so that a message in between sets it again (dds_bus_take()).
+/// Loss        States are replaced every 0.1 s: deliver the newest, drop the oldest. Plans should
+///             be sent again until they are 3 s old. Statuses should also reach a program that
+///             starts later. Dropped messages are counted in `dropped`, at either end.
 /// Recovery    open() fails where the bus cannot work now (TRANSPORT_UNAVAILABLE) or never will
 ///             with this URL and these options (TRANSPORT_BAD_URL); the daemon then ends. Once
 ///             open, a bus does not fail: it counts in `errors`, tries again by itself at least
@@ -40,15 +40,15 @@
 ///             lives: an address, a writer's handle, a session id. The inbox gives a vehicle's id
 ///             to its first sender, so a number that several senders share disables that
 ///             protection. 0: not known. sender_text() makes of it what the tools of the bus show.
-/// Security    exposed() tells whether strangers can hear the bus or speak on it, in words that say
-///             what to do about it: verge-rsu warns at start. secured() tells whether the options
-///             ask for signatures or certificates, expires() when these end. A message of a sender
-///             that is not admitted is counted in `refused` by its cause and reported with its
-///             sender's address. Bytes from the network are never trusted: check lengths before
-///             use, let no length in a message decide on an allocation, and let a stranger fill no
-///             memory (a limit for instances, topics, sessions).
+/// Security    exposed() detects that participants without a key or certificate can receive or
+///             send, and gives the remedy: verge-rsu warns at start. secured() is true if the
+///             options require signatures or certificates, expires() gives their expiry date. A
+///             message of a sender that is not admitted is counted in `refused` by its cause and
+///             reported with its sender's address. Bytes from the network are never trusted: check
+///             lengths before use, never allocate by a length in a message, and limit the memory
+///             that senders can fill (a limit for instances, topics, sessions).
 /// Errors      open() writes one line to `error` that names the URL or the option, what is wrong
-///             and what was expected or can be done. Later trouble goes through complaints.h: a
+///             and what was expected or can be done. Later faults go through complaints.h: a
 ///             line for each cause, rate-limited.
 /// Counters    The backend counts `malformed` (no message of ours, wrong length, wrong type),
 ///             `foreign` (well-formed, but of a kind not in `receive`), `dropped`, `errors` of
@@ -73,7 +73,7 @@
 
 #include <stdatomic.h>
 
-/// The bits of `receive` that ask for messages.
+/// The bits of `receive` that request messages.
 enum {
     RECEIVE_MASK = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES | TRANSPORT_MARKS,
 };
@@ -92,10 +92,10 @@ static inline void count_up(atomic_uint_fast64_t* counter, uint64_t by)
 typedef enum take_result {
     TAKE_NOTHING, ///< nothing waits
     TAKE_MESSAGE,
-    TAKE_REFUSED, ///< something came that is no message for us; the backend has counted it
+    TAKE_REFUSED, ///< not a message to deliver; the backend has counted it
 } take_result;
 
-/// A null function does what its comment says.
+/// A function may be null if its comment states the effect.
 typedef struct backend {
     const char* scheme; ///< "lcm:", what a URL of this bus begins with
     const char* form;   ///< a whole URL: "dds:N"
@@ -107,13 +107,13 @@ typedef struct backend {
     void (*close)(void* self);
     /// For poll(). Null: -1, always ready.
     int  (*fd)(const void* self);
-    /// Nothing more will come. Null: never.
+    /// True: all messages were taken. Null: never.
     bool (*ended)(const void* self);
     /// sender, bus and arrival_utime are 0 on entry. On TAKE_MESSAGE the kind is one of `receive`.
     take_result (*take)(void* self, transport_message* message);
     /// utime is the event's own time where the bus records one. 0 or -1.
     int  (*send)(void* self, int64_t utime, const transport_message* message);
-    /// A sender in words. Null: as a hexadecimal number.
+    /// A sender as text. Null: as a hexadecimal number.
     void (*sender_text)(const void* self, uint64_t sender, char* text, size_t size);
     /// As transport_exposed(). Null: never.
     bool (*exposed)(const char* rest, const transport_options* options, char* words,

@@ -1,6 +1,6 @@
 /// Messages to bytes and back: the encoding of transport/types/verge.lcm, for LCM and its logs.
 ///
-/// Bytes       8-byte fingerprint of the type, fields big-endian, crc32 (verge.lcm says over what).
+/// Bytes       8-byte fingerprint of the type, fields big-endian, crc32 (defined in verge.lcm).
 /// Memory      The caller's buffers only: the generated coders of fixed arrays allocate nothing.
 /// Marks       VERGE_CYCLE is no LCM type but is framed alike: the eight letters "VERGEMRK",
 ///             utime, cycle, overrun, crc32.
@@ -41,7 +41,7 @@ enum {
 
 /// "VERGE_STATE" and so on; null for TRANSPORT_NONE.
 const char* codec_channel(transport_kind kind);
-/// The kind a channel carries, TRANSPORT_NONE for everybody else's channels.
+/// The kind of a channel's messages; TRANSPORT_NONE for channels that are not verge's.
 transport_kind codec_kind(const char* channel);
 size_t codec_size(transport_kind kind);
 

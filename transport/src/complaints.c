@@ -28,18 +28,18 @@ void complaints_add(complaints* self, uint32_t kind, const char* line)
     pthread_mutex_lock(&self->lock);
     complaint* place = place_of(self, kind);
     if (place == NULL) {
-        self->crowded += 1;
+        ++self->crowded;
     } else {
-        place->untold += 1;
+        ++place->pending;
         snprintf(place->line, sizeof place->line, "%s", line);
     }
     atomic_store(&self->waiting, true);
     pthread_mutex_unlock(&self->lock);
 }
 
-void complaints_tell(complaints* self, int64_t now_s)
+void complaints_log(complaints* self, int64_t now_s)
 {
-    if (!atomic_load(&self->waiting) || now_s == self->told_at_s) {
+    if (!atomic_load(&self->waiting) || now_s == self->logged_at_s) {
         return;
     }
     complaint due[COMPLAINTS_PER_SECOND];
@@ -49,34 +49,34 @@ void complaints_tell(complaints* self, int64_t now_s)
     self->crowded -= crowded;
     pthread_mutex_unlock(&self->lock);
 
-    // Without the lock: whoever hears it may take time.
+    // Without the lock, because log may take time.
     for (uint32_t i = 0; i < count; ++i) {
         char line[COMPLAINT_SIZE + 80];
         int  size = snprintf(line, sizeof line, "%s", due[i].line);
-        if (due[i].untold > 1) {
+        if (due[i].pending > 1) {
             size += snprintf(line + size, sizeof line - (size_t)size, " (%" PRIu64 " times)",
-                             due[i].untold);
+                             due[i].pending);
         }
         if (i + 1 == count && crowded > 0) {
             snprintf(line + size, sizeof line - (size_t)size, " (and %" PRIu64 " other lines)",
                      crowded);
         }
-        self->told_at_s = now_s;
+        self->logged_at_s = now_s;
         self->log(self->log_context, line);
     }
 }
 
-/// Where this kind stands, else a place whose complaint has been told, the oldest first. Null:
-/// all of them wait.
+/// The place of this kind, else a place without a pending line, the one logged first. Null: all
+/// places have pending lines.
 static complaint* place_of(complaints* self, uint32_t kind)
 {
     complaint* oldest = NULL;
     for (uint32_t i = 0; i < COMPLAINT_KINDS_MAX; ++i) {
         complaint* place = &self->kinds[i];
-        if (place->kind == kind && (place->told_at_s != 0 || place->untold > 0)) {
+        if (place->kind == kind && (place->logged_at_s != 0 || place->pending > 0)) {
             return place;
         }
-        if (place->untold == 0 && (oldest == NULL || place->told_at_s < oldest->told_at_s)) {
+        if (place->pending == 0 && (oldest == NULL || place->logged_at_s < oldest->logged_at_s)) {
             oldest = place;
         }
     }
@@ -92,13 +92,14 @@ static uint32_t due_take(complaints* self, int64_t now_s, complaint* due)
     bool     waiting = false;
     for (uint32_t i = 0; i < COMPLAINT_KINDS_MAX; ++i) {
         complaint* place = &self->kinds[i];
-        const bool is_due = place->told_at_s == 0 || now_s >= place->told_at_s + COMPLAINT_PERIOD_S;
-        if (place->untold > 0 && is_due && count < COMPLAINTS_PER_SECOND) {
+        const bool is_due =
+            place->logged_at_s == 0 || now_s >= place->logged_at_s + COMPLAINT_PERIOD_S;
+        if (place->pending > 0 && is_due && count < COMPLAINTS_PER_SECOND) {
             due[count++] = *place;
-            place->told_at_s = now_s;
-            place->untold = 0;
+            place->logged_at_s = now_s;
+            place->pending = 0;
         }
-        waiting = waiting || place->untold > 0;
+        waiting = waiting || place->pending > 0;
     }
     atomic_store(&self->waiting, waiting);
     return count;

@@ -1,10 +1,11 @@
-/// What a bus complains of on its way to transport_options.log: the same trouble at once, then
-/// every ten seconds at most with how often it came, and never more than five lines a second.
+/// Rate limit for the log lines of a bus (transport_options.log). A line is logged at once. Lines
+/// of the same kind are then logged at most every ten seconds, with their number. All kinds
+/// together give at most five lines a second.
 ///
-/// Memory      All in the struct, some 4 KiB. Where more kinds wait than there is room for, the
+/// Memory      All in the struct, about 4 KiB. If more than COMPLAINT_KINDS_MAX kinds wait, the
 ///             newest are only counted.
-/// Threads     complaints_add() from any; complaints_tell() from the one that drains, so that log
-///             is called there alone. Neither waits longer than the other copies lines.
+/// Threads     complaints_add() from any thread; complaints_log() from the draining thread, the
+///             only one that calls log. Each waits at most while the other copies lines.
 #ifndef COMPLAINTS_H
 #define COMPLAINTS_H
 
@@ -22,28 +23,29 @@ enum {
 
 typedef struct complaint {
     uint32_t kind;
-    uint64_t untold;    ///< times since it was told; 0 in a free place
-    int64_t  told_at_s; ///< 0: never
+    uint64_t pending;     ///< lines since the last logged one; 0 in a free place
+    int64_t  logged_at_s; ///< 0: never
     char     line[COMPLAINT_SIZE];
 } complaint;
 
 typedef struct complaints {
-    void          (*log)(void* context, const char* line); ///< null: nobody listens
+    void          (*log)(void* context, const char* line); ///< null: no log
     void*           log_context;
-    atomic_bool     waiting; ///< something is untold
+    atomic_bool     waiting; ///< a line is pending
     pthread_mutex_t lock;
     complaint       kinds[COMPLAINT_KINDS_MAX];
-    uint64_t        crowded;   ///< lines that found no place
-    int64_t         told_at_s; ///< when anything was told last
+    uint64_t        crowded;     ///< lines without a place, not logged yet
+    int64_t         logged_at_s; ///< time of the last line of any kind
 } complaints;
 
 void complaints_init(complaints* self, const transport_options* options);
 void complaints_destroy(complaints* self);
 
-/// Of one kind the newest line is told. Where a line is its own kind: its checksum.
+/// The newest line of a kind is logged. kind: a number of the caller's, or the line's checksum if
+/// only identical lines are one kind.
 void complaints_add(complaints* self, uint32_t kind, const char* line);
 
-/// Tells what is due. now_s: a clock that never steps back, 1 or more. Cheap while nothing waits.
-void complaints_tell(complaints* self, int64_t now_s);
+/// Logs the lines that are due. now_s: a monotonic clock, 1 or more. Cheap if no line is pending.
+void complaints_log(complaints* self, int64_t now_s);
 
 #endif

@@ -1,29 +1,29 @@
 /// dds: a DDS domain, by Cyclone DDS.
 ///
-/// A bus is a participant in a domain of its own making, with our configuration (dds_config.h);
-/// to the network all of them are in the domain of the URL, so that one process may have several
-/// buses in one domain, each with its own interfaces and certificates.
+/// A bus is a participant in a local domain with its own configuration (dds_config.h). On the
+/// network all of them are in the domain of the URL, so that one process may have several buses in
+/// one domain, each with its own interfaces and certificates.
 ///
 /// Quality     VERGE_STATE   best effort, the last of each vehicle: a lost state is replaced by the
 ///                           next one before it could be sent again.
 ///             VERGE_PLAN    reliable, the last for each vehicle, kept as long as it is valid: its
-///                           31 points of 0.1 s. A write waits for nobody longer than 5 ms.
-///             VERGE_STATUS  reliable, the last of each unit, kept for those who come later.
-/// Strangers   A reader keeps something of every vehicle as long as somebody may tell of it: a
-///             stranger, or one long-lived writer, would fill the memory. After INSTANCES_MAX new
-///             ones the readers are replaced by empty ones, at most once a second: what waits is
-///             lost, as in a full socket. In between the reader of states has a hard limit, and
-///             what is beyond it is counted as dropped. The reliable ones have none: Cyclone's
-///             receiving thread would wait for room, deaf to everybody else.
-/// Endings     A vehicle whose plan was cancelled is taken off our writer's books, so that readers
-///             forget it, too. Cyclone 0.10 still keeps some 300 bytes of each vehicle that ever
-///             got a plan, until the domain is deleted (its issue 1487).
-/// Silence     Writers promise liveliness and a deadline; a sender that leaves or falls silent is
-///             counted and told. What becomes of its vehicle is decided by the age of its state.
-/// Polling     An eventfd, raised by Cyclone's threads when something arrives.
-/// Losing it   Cyclone keeps trying, and does not say that nothing gets through: once a second the
-///             interfaces are looked at; while one is down each look counts as an error. What
-///             Cyclone does call an error counts, too.
+///                           31 points of 0.1 s. A write blocks for at most 5 ms.
+///             VERGE_STATUS  reliable, the last of each unit, kept for later readers.
+/// Memory      A reader stores an instance of every vehicle as long as a writer of it exists, so a
+///             hostile or a long-lived writer would fill the memory. After INSTANCES_MAX new ones
+///             the readers are replaced by empty ones, at most once a second; waiting messages are
+///             lost, as in a full socket. Until then the reader of states has a hard limit, and
+///             states beyond it are counted as dropped. The reliable readers have none, because
+///             Cyclone's receiving thread would block until there is space.
+/// Endings     The instance of a vehicle whose plan was cancelled is unregistered, so that readers
+///             remove it, too. Cyclone 0.10 still keeps about 300 bytes of each vehicle that ever
+///             had a plan, until the domain is deleted (Cyclone DDS issue 1487).
+/// Silence     Writers offer liveliness and a deadline; a sender that leaves or falls silent is
+///             counted and logged. The planning of its vehicle depends on the age of its state.
+/// Polling     An eventfd, written by Cyclone's threads when a message arrives.
+/// Loss        Cyclone retries without reporting that no data passes. So the interfaces are checked
+///             once a second; each check that finds one down counts as an error, as do the errors
+///             that Cyclone reports.
 #include "backend.h"
 #include "codec.h"
 #include "complaints.h"
@@ -54,10 +54,10 @@ enum {
 typedef struct dds {
     uint32_t     number;   ///< of the URL
     uint32_t     local;    ///< of the domain within this process
-    uint32_t     shared_crc32; ///< of a secured domain's configuration; 0: shared with nobody
+    uint32_t     shared_crc32; ///< of a secured domain's configuration; 0: not shared
     dds_entity_t domain, participant;
     dds_entity_t topics[KINDS], readers[KINDS], writers[KINDS];
-    uint32_t     deadline_ms; ///< asked of senders of states, 0: none
+    uint32_t     deadline_ms; ///< required of senders of states, 0: none
     counters*    counts;
     int          fd;       ///< eventfd
     uint32_t     turn;     ///< the kind looked at first by the next take()
@@ -66,12 +66,13 @@ typedef struct dds {
     int64_t      renew_at_s; ///< [s] monotonic: not before
     int64_t      watched_at_s; ///< [s] monotonic: the last look at the interfaces
     char         interfaces[DDS_INTERFACES_MAX][IF_NAMESIZE];
-    bool         is_down[DDS_INTERFACES_MAX]; ///< as told
+    bool         is_down[DDS_INTERFACES_MAX]; ///< as last logged
     uint32_t     interface_count;
     complaints   complaints;
 } dds;
 
-/// One bus is opened or closed at a time. Not `lock`: Cyclone's threads speak while one waits.
+/// One bus is opened or closed at a time. Separate from `lock`, which Cyclone's threads take for
+/// their lines meanwhile.
 static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
 /// Guards the list of all buses.
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -79,7 +80,7 @@ static dds*            buses[BUSES_MAX];
 static pthread_once_t  sink_set = PTHREAD_ONCE_INIT;
 static pthread_once_t  trace_sink_set = PTHREAD_ONCE_INIT;
 
-/// While a thread opens a bus: where the last of Cyclone's lines goes, as the reason of a failure.
+/// While a thread opens a bus: the buffer for Cyclone's last line, the reason of a failure.
 static _Thread_local char* reason;
 
 static bool enlist(dds* self);
@@ -163,7 +164,7 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
     if (result != 0) {
         explain(made, options, result, said, error, error_size);
         dds_bus_close(made);
-        // What the papers do not allow today they will not allow at the next try.
+        // Permissions that refuse a topic will refuse it at the next try, too.
         return result == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY ? TRANSPORT_BAD_URL
                                                              : TRANSPORT_UNAVAILABLE;
     }
@@ -171,7 +172,7 @@ static int dds_bus_open(void** self, const char* rest, unsigned receive,
     return TRANSPORT_OK;
 }
 
-/// Why a bus could not be opened, with Cyclone's return code and what it last said.
+/// The reason why a bus could not be opened, with Cyclone's return code and its last line.
 static void explain(const dds* self, const transport_options* options, int result,
                     const char* said, char* error, size_t error_size)
 {
@@ -193,7 +194,8 @@ static void explain(const dds* self, const transport_options* options, int resul
     }
 }
 
-/// Deleting waits for listeners, so none runs after it. Who leaves a domain last ends it.
+/// Deleting waits for listeners, so none runs after it. The last bus of a domain deletes the
+/// domain.
 static void dds_bus_close(void* self)
 {
     dds* mine = self;
@@ -250,7 +252,8 @@ static bool dds_bus_exposed(const char* rest, const transport_options* options, 
         return dds_security_lax(security, words, words_size);
     }
     snprintf(words, words_size,
-             "dds:%s: in the clear on %s: who is there can speak as any vehicle and as this unit; "
+             "dds:%s: not encrypted on %s: every machine there can send as any vehicle and as this "
+             "unit; "
              "set dds.security (tools/certs makes a set to try), or dds.interfaces to [\"lo\"]",
              rest, interface);
     return true;
@@ -271,7 +274,7 @@ static bool dds_bus_expires(const transport_options* options, int64_t* utime, ch
 
 // ---- moving messages ----------------------------------------------------------------------
 
-/// One sample of one kind. What is no message (a writer's farewell) is passed over.
+/// One sample of one kind. Samples without data, as of a writer that left, are skipped.
 static bool sample_take(dds* self, transport_kind kind, transport_message* message)
 {
     void*             samples[1] = { &message->as };
@@ -308,12 +311,12 @@ static bool any_take(dds* self, transport_message* message)
     return false;
 }
 
-/// The descriptor is lowered before the last look: what arrives in between raises it again.
+/// The descriptor is cleared before the queue is read, so that a message in between sets it again.
 static take_result dds_bus_take(void* self, transport_message* message)
 {
     dds* mine = self;
     interfaces_watch(mine);
-    complaints_tell(&mine->complaints, backend_now_s());
+    complaints_log(&mine->complaints, backend_now_s());
     if (any_take(mine, message)) {
         return TAKE_MESSAGE;
     }
@@ -358,10 +361,10 @@ static const dds* companion_of(const dds* self)
     return found;
 }
 
-/// A domain can be made once in a process under each number; the second bus gets another number
-/// here, and the same one on the network. Not so when it is secured: Cyclone looks up the number
-/// it has here in the governance. Secured buses of one configuration share the domain, so that a
-/// daemon can enter with its new papers before it leaves with the old ones.
+/// Each domain number can be created once in a process. The second bus gets another local number
+/// and the same one on the network. A secured domain keeps its number, because Cyclone looks up the
+/// local one in the governance. Secured buses of one configuration share the domain, so that a
+/// daemon can enter with new certificates before it leaves with the old ones.
 static int domain_open(dds* self, const char* config, const dds_security_files* security)
 {
     static atomic_uint next = 1000;
@@ -381,7 +384,7 @@ static int domain_open(dds* self, const char* config, const dds_security_files* 
     return self->domain < 0 ? self->domain : 0;
 }
 
-/// The names under which Cyclone and the standard know the papers.
+/// The property names of the security files in the standard and in Cyclone.
 static void papers_set(dds_qos_t* quality, const dds_security_files* security)
 {
     const struct { const char *name, *path; } papers[] = {
@@ -442,7 +445,7 @@ static int ends_open(dds* self, unsigned receive)
     return result;
 }
 
-/// What both ends of a topic have in common.
+/// The quality of service that writers and readers of a topic share.
 static dds_qos_t* quality_of(transport_kind kind)
 {
     dds_qos_t* quality = dds_create_qos();
@@ -530,7 +533,7 @@ static int reader_open(dds* self, transport_kind kind)
 }
 
 /// 0 or a return code of Cyclone's. Deadlines: a state is due every 0.1 s, a status every second;
-/// five and two of them may be lost. Nobody has to ask for them.
+/// five and two of them may be lost. Readers need not require them.
 static int writer_open(dds* self, transport_kind kind)
 {
     dds_qos_t* quality = quality_of(kind);
@@ -550,8 +553,7 @@ static int writer_open(dds* self, transport_kind kind)
     return writer < 0 ? writer : 0;
 }
 
-/// Empty readers in the place of full ones. A reader that cannot be made again is tried for at
-/// the next chance.
+/// Replaces full readers by empty ones. A reader that cannot be created is tried again later.
 static void readers_renew(dds* self)
 {
     const int64_t now = backend_now_s();
@@ -592,7 +594,7 @@ static void interfaces_watch(dds* self)
     }
 }
 
-// ---- words --------------------------------------------------------------------------------
+// ---- log lines ----------------------------------------------------------------------------
 
 static bool enlist(dds* self)
 {
@@ -619,7 +621,7 @@ static void delist(const dds* self)
     pthread_mutex_unlock(&lock);
 }
 
-/// A line is its own kind: what Cyclone says again and again is told seldom.
+/// Identical lines are rate-limited by their CRC.
 static void note(dds* self, const char* words)
 {
     char line[LINE_SIZE + 16]; // cut to LINE_SIZE when it is added
@@ -680,9 +682,9 @@ static void sink_install(void)
     dds_set_log_sink(on_line, NULL);
 }
 
-/// Who comes to a secured domain without a certificate is passed over by Cyclone, which says so
-/// only where it traces discovery: "Non secure remote writer 110d352:55a9f461:3d3f60e6:3c2 is not
-/// allowed". Some hundred lines a session; of a participant's ten one is told.
+/// Cyclone ignores participants without a certificate in a secured domain and reports them only in
+/// its trace of discovery: "Non secure remote writer 110d352:55a9f461:3d3f60e6:3c2 is not allowed".
+/// A session has about a hundred such lines, ten for each participant, of which one is logged.
 static void on_trace(void* argument, const dds_log_data_t* data)
 {
     (void)argument;

@@ -12,7 +12,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-/// Text that grows to the end of its room and remembers when it did not fit.
+/// A text in a buffer of fixed size, marked if it did not fit.
 typedef struct text {
     char*  bytes;
     size_t used, room;
@@ -86,10 +86,11 @@ bool dds_config_write(const transport_options* options, uint32_t domain, char* b
         put_interfaces(&self, options);
     }
     put_discovery(&self, options, domain, theirs);
-    // Closing waits this long for listeners that do not acknowledge: a daemon ends within a second.
+    // Closing waits this long for readers that do not acknowledge, so that a daemon ends within 1
+    // s.
     put(&self, "<Internal><WriterLingerDuration>200ms</WriterLingerDuration></Internal>");
     if (setting_count(options, "dds.security.key") > 0 && !theirs) {
-        // dds.c reads there who has no certificate.
+        // dds.c finds participants without a certificate in these lines.
         put(&self, "<Tracing><Category>discovery</Category><OutputFile>stderr</OutputFile>"
                    "</Tracing>");
     }
@@ -155,7 +156,7 @@ static bool is_loopback(const char* interface)
     return strcmp(interface, "lo") == 0 || strncmp(interface, "127.", 4) == 0;
 }
 
-/// Is the loopback interface among those in use?
+/// True: the loopback interface is in use.
 static bool on_loopback(const transport_options* options)
 {
     const char* interface;
@@ -245,7 +246,7 @@ static bool interface_known(const char* interface, char name[IF_NAMESIZE], char*
     names[0] = '\0';
     snprintf(name, IF_NAMESIZE, "%.*s", IF_NAMESIZE - 1, interface);
     if (getifaddrs(&all) != 0) {
-        return true; // then Cyclone says what is wrong
+        return true; // Cyclone reports the fault
     }
     for (const struct ifaddrs* one = all; one != NULL; one = one->ifa_next) {
         const bool named = strcmp(interface, one->ifa_name) == 0;

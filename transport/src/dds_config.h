@@ -1,11 +1,11 @@
-/// The configuration of a DDS domain, in Cyclone DDS's own words, from our options.
+/// The configuration of a DDS domain for Cyclone DDS, from the options of the bus.
 ///
-/// Interfaces  Those named. None named: what the environment's CYCLONEDDS_URI says, and without
-///             that the loopback interface alone, so that nothing reaches a network unasked.
-/// Discovery   By multicast where the interface has it, and to each peer named, once a second; data
-///             goes by unicast to those who listen. On loopback the machine itself is a peer:
-///             discovery works there without multicast, too.
-/// Memory      The caller's; nothing is kept. Not for the planning path.
+/// Interfaces  Those of the options. Without any: those of the environment's CYCLONEDDS_URI, else
+///             only the loopback interface, so that no data reaches a network by default.
+/// Discovery   By multicast if the interface supports it, and to each peer of the options, once a
+///             second; data is sent by unicast to the readers. On loopback the machine itself is a
+///             peer, so discovery works there without multicast, too.
+/// Memory      That of the caller. At start-up only.
 #ifndef VERGE_DDS_CONFIG_H
 #define VERGE_DDS_CONFIG_H
 
@@ -33,10 +33,10 @@ uint32_t dds_config_interfaces(const transport_options* options,
                                char names[DDS_INTERFACES_MAX][IF_NAMESIZE]);
 /// Does the interface work? Allocates nothing.
 bool dds_config_interface_up(const char* name);
-/// CYCLONEDDS_URI where it decides on the interfaces; else null.
+/// CYCLONEDDS_URI if it determines the interfaces, else null.
 const char* dds_config_environment(const transport_options* options);
 
-/// Is more than the loopback interface in use? Then interface tells which is.
+/// True: another interface than loopback is in use. Then `interface` holds its name.
 bool dds_config_leaves(const transport_options* options, char* interface, size_t size);
 
 #endif

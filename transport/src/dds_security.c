@@ -8,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/// Where trouble is told: the field and its path come first.
+/// Where a fault is reported; the line begins with the field and its path.
 typedef struct report {
     char*       error;
     size_t      size;
@@ -63,7 +63,7 @@ static int key_open(const report* to)
 #include <strings.h>
 #include <time.h>
 
-/// What was read, to be freed together.
+/// The objects that were read, to be freed together.
 typedef struct papers {
     X509 *    identity_ca, *certificate, *permissions_ca;
     EVP_PKEY* key;
@@ -294,7 +294,7 @@ static bool subjects_equal(const char* one, const char* other)
     for (size_t i = 0; i < count; ++i) {
         for (size_t j = 0; j < count; ++j) {
             if (strcmp(my_parts[i], their_parts[j]) == 0) {
-                same += 1;
+                ++same;
                 break;
             }
         }
@@ -311,7 +311,7 @@ static bool instant_parse(const char* text, time_t* instant)
     return end != NULL;
 }
 
-/// What the permissions grant to others is their business.
+/// Permissions granted to other participants are not checked.
 static bool grant_check(papers* self, const report* to)
 {
     char  subject[512] = "", granted[512] = "", before[40], after[40];
@@ -348,7 +348,7 @@ static bool grant_check(papers* self, const report* to)
     return true;
 }
 
-// ---- the first end ------------------------------------------------------------------------
+// ---- expiry -------------------------------------------------------------------------------
 
 static time_t certificate_end(const X509* certificate)
 {
@@ -387,16 +387,17 @@ bool dds_security_expires(const dds_security_files* files, int64_t* utime, char*
 
 // ---- rules --------------------------------------------------------------------------------
 
-/// The first of the rules that lets in more than the papers say; null: none.
+/// The first rule that admits participants without a certificate or permission; null: none.
 static const char* rule_lax(const char* governance)
 {
     static const struct { const char *element, *value, *digit, *words; } lax[] = {
         { "allow_unauthenticated_participants", "true", "1",
-          "allow_unauthenticated_participants is true: who has no certificate gets in" },
+          "allow_unauthenticated_participants is true: participants without a certificate are "
+          "admitted" },
         { "enable_join_access_control", "false", "0",
-          "enable_join_access_control is false: who has no permissions gets in" },
+          "enable_join_access_control is false: participants without permissions are admitted" },
         { "enable_write_access_control", "false", "0",
-          "enable_write_access_control is false: permissions do not limit who publishes what" },
+          "enable_write_access_control is false: permissions do not limit publishing" },
     };
     for (size_t i = 0; i < sizeof lax / sizeof lax[0]; ++i) {
         char        value[16], word[16] = "";

@@ -1,6 +1,6 @@
 /// The DDS types of the schema. The structs idlc makes of verge.idl and those lcm-gen makes of
-/// verge.lcm agree in every offset and size (dds_types.c has the compiler check it), so DDS reads
-/// and writes the memory of the latter, and the rest of the transport knows one struct a message.
+/// verge.lcm agree in every offset and size (asserted in dds_types.c). DDS therefore reads and
+/// writes the memory of the latter, and the rest of the transport has one struct for each message.
 #ifndef VERGE_DDS_TYPES_H
 #define VERGE_DDS_TYPES_H
 

@@ -1,6 +1,6 @@
-/// The hash is OpenSSL's by its plain interface, which works on a struct of ours. EVP_MAC and
-/// EVP_Digest, meant to replace it, take memory from the heap at each message (OpenSSL 3.0: twice,
-/// counted through CRYPTO_set_mem_functions), and the daemon has promised to take none.
+/// The hash uses OpenSSL's low-level interface, which works on a struct of the caller. EVP_MAC and
+/// EVP_Digest, its successors, allocate at each message (OpenSSL 3.0: twice, counted through
+/// CRYPTO_set_mem_functions), and the daemon must not allocate while it plans.
 #define OPENSSL_API_COMPAT 0x10100000L
 #include "hmac.h"
 
@@ -95,7 +95,7 @@ bool hmac_same(const uint8_t* a, const uint8_t* b, size_t size)
     (void)a;
     (void)b;
     (void)size;
-    return false; // what cannot be proved is not believed
+    return false; // a signature that cannot be checked is refused
 }
 
 void hmac_wipe(void* secret, size_t size)

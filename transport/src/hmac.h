@@ -28,9 +28,9 @@ void hmac_key_init(hmac_key* self, const uint8_t* bytes, size_t size);
 /// Of the parts one after the other.
 void hmac_sha256(const hmac_key* self, const struct iovec* parts, int part_count,
                  uint8_t code[HMAC_SIZE]);
-/// In a time that does not tell where they differ.
+/// Compares in constant time.
 bool hmac_same(const uint8_t* a, const uint8_t* b, size_t size);
-/// Overwrites what was secret; no compiler leaves it out.
+/// Overwrites secret bytes; the compiler cannot remove it.
 void hmac_wipe(void* secret, size_t size);
 
 #endif

@@ -44,8 +44,8 @@ static const inbox_param params[] = {
 enum { PARAM_COUNT = sizeof params / sizeof params[0] };
 
 /// Ages: 40 ms and 2 s are what receivers of cooperative-awareness messages use, 300 ms is three
-/// missed messages at 10 Hz. Margins: half a metre and a metre are what a car that brakes or
-/// speeds up by 1 and 2 m/s^2 unseen is off after one second.
+/// missed messages at 10 Hz. Margins: half a metre and a metre are the errors of the position after
+/// one second if the acceleration changes by 1 and 2 m/s^2.
 inbox_limits inbox_default_limits(void)
 {
     return (inbox_limits){
@@ -122,8 +122,8 @@ inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
         slot->state = *state;
     }
     if ((verdict == INBOX_ACCEPTED || verdict == INBOX_DUPLICATE) && source.sender != 0) {
-        slot->heard[source.bus].sender = source.sender;
-        slot->heard[source.bus].utime = state->utime;
+        slot->owners[source.bus].sender = source.sender;
+        slot->owners[source.bus].utime = state->utime;
     }
     verdict_count(&self->counters, verdict);
     return verdict;
@@ -143,7 +143,7 @@ void inbox_placed(inbox* self, const int32_t* ids, uint32_t count)
 void inbox_forget_senders(inbox* self)
 {
     for (uint32_t i = 0; i < self->vehicles_max; ++i) {
-        memset(self->slots[i].heard, 0, sizeof self->slots[i].heard);
+        memset(self->slots[i].owners, 0, sizeof self->slots[i].owners);
     }
 }
 
@@ -208,7 +208,7 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view)
                                                            : self->limits.old_margin_m;
         view->vehicles[view->count] = vehicle;
         view->state_utime[view->count] = slot->state.utime;
-        view->count += 1;
+        ++view->count;
         view->controlled_count += chosen[i] ? 1 : 0;
     }
 }
@@ -242,7 +242,7 @@ void inbox_project(verge_vehicle* vehicle, double dt)
         moving = -speed / acceleration;
         speed_end = 0.0;
         acceleration_end = 0.0;
-    } else if (speed_end > vg_max(speed, VERGE_SPEED_MAX)) { // nothing drives that fast
+    } else if (speed_end > vg_max(speed, VERGE_SPEED_MAX)) { // no vehicle is that fast
         speed_end = vg_max(speed, VERGE_SPEED_MAX);
         acceleration_end = 0.0;
     }
@@ -290,8 +290,8 @@ static inbox_slot* slot_of(inbox* self, int32_t id)
     return NULL;
 }
 
-/// An unused slot, or else the first one whose state is too old to be used again. One that is
-/// still owed a cancellation waits for the next snapshot.
+/// An unused slot, or else the first one whose state is too old to be used again. A slot with a
+/// pending cancellation is kept until the next snapshot.
 static inbox_slot* slot_free(inbox* self, int64_t now_utime)
 {
     inbox_slot* forgotten = NULL;
@@ -308,7 +308,7 @@ static inbox_slot* slot_free(inbox* self, int64_t now_utime)
     return forgotten;
 }
 
-/// Everything but the question of room.
+/// All rules except the capacity.
 static inbox_verdict state_judge(inbox* self, const inbox_slot* slot,
                                  const verge_vehicle_state_t* state, inbox_source source,
                                  int64_t now_utime, const verge_road* road)
@@ -338,18 +338,18 @@ static inbox_verdict state_judge(inbox* self, const inbox_slot* slot,
     return (known && slot->placed) || on_map(road, state) ? INBOX_ACCEPTED : INBOX_OFF_MAP;
 }
 
-/// Has another sender of this bus spoken for the vehicle lately?
+/// True: another sender of this bus owns the id.
 static bool id_taken(const inbox* self, const inbox_slot* slot, inbox_source source,
                      int64_t now_utime)
 {
-    const uint64_t holder = slot->heard[source.bus].sender;
-    const double   silent_ms = (double)(now_utime - slot->heard[source.bus].utime) / 1000.0;
+    const uint64_t holder = slot->owners[source.bus].sender;
+    const double   silent_ms = (double)(now_utime - slot->owners[source.bus].utime) / 1000.0;
     return source.sender != 0 && holder != 0 && holder != source.sender &&
            silent_ms <= self->limits.obstacle_ms;
 }
 
-/// Can `state` follow the state held of the same id? Whoever was heard first keeps the id as
-/// long as it is heard; a second sender does not take it over, nor do the two alternate.
+/// Compares `state` with the stored state of the same id. The first sender keeps the id as long as
+/// it sends; a second sender cannot take it over, and the two cannot alternate.
 static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
                                      const verge_vehicle_state_t* state)
 {
@@ -414,13 +414,13 @@ static void slots_order(inbox* self)
                (!self->slots[at - 1].used ||
                 self->slots[at - 1].state.vehicle_id > slot.state.vehicle_id)) {
             self->slots[at] = self->slots[at - 1];
-            at -= 1;
+            --at;
         }
         self->slots[at] = slot;
     }
 }
 
-/// Two rounds over the ordered slots: whoever had a plan keeps getting one, then the others.
+/// Two passes over the ordered slots: vehicles that had a plan first, then the others.
 static void controlled_choose(const inbox* self, int64_t plan_utime,
                               bool chosen[VERGE_VEHICLES_MAX])
 {
@@ -430,7 +430,7 @@ static void controlled_choose(const inbox* self, int64_t plan_utime,
             const inbox_slot* slot = &self->slots[i];
             if (slot->planned != (newcomers == 1) && wants_plan(self, slot, plan_utime)) {
                 chosen[i] = true;
-                room -= 1;
+                --room;
             }
         }
     }

@@ -1,21 +1,22 @@
-/// lcm: LCM's UDP multicast protocol, spoken directly.
+/// lcm: LCM's UDP multicast protocol, implemented without LCM's library.
 ///
 /// One datagram holds one event: "LC02", a sequence number, the channel's name with its
-/// terminator, the payload; numbers big-endian. Our messages always fit one datagram, so longer
-/// events, which LCM cuts into "LC03" fragments, are refused unseen: LCM's library crashes on a
-/// fragment whose offset wraps around, keeps the oldest instead of the newest events and wants a
-/// thread and a heap; these few lines want none of it.
+/// terminator, the payload; numbers big-endian. Every message fits one datagram, so longer events,
+/// which LCM splits into "LC03" fragments, are refused. LCM's library is not used because it
+/// crashes on a fragment whose offset wraps around, keeps the oldest instead of the newest events,
+/// and needs a thread and a heap.
 ///
-/// Receiving   A socket bound to the group's address (bound to any, it would hear every group of
-///             this port). The kernel's count of lost datagrams comes with each datagram.
-/// Sending     A second socket; the kernel picks the interface by its route to the group.
-/// Losing it   A send without a route fails, is counted, and works again when the route is back.
-///             Once a second the receiver joins the group again: where it still belongs to it
-///             nothing changes, where the interface went away it comes back with the new one. A
-///             receiving socket that is broken is replaced under its old number.
-/// Strangers   Where asked, messages of foreign addresses, and unsigned, forged or replayed ones,
-///             are refused, counted and told: lcm_auth.h. Channels that nobody
-///             asked for are left alone: their senders owe us nothing.
+/// Receiving   A socket bound to the address of the group. Bound to any address, it would receive
+///             every group of this port. The kernel reports its count of lost datagrams with each
+///             datagram.
+/// Sending     A second socket; the kernel selects the interface by its route to the group.
+/// Loss        A send without a route fails, is counted, and succeeds again when the route is back.
+///             Once a second the receiver joins the group again. This has no effect while it is a
+///             member, and restores membership after the interface was removed and added again. A
+///             broken receiving socket is replaced under the same descriptor.
+/// Security    With an allow list or keys, messages of other addresses and unsigned, forged or
+///             replayed ones are refused, counted and logged: lcm_auth.h. Channels that were not
+///             requested are not checked.
 #include "backend.h"
 #include "codec.h"
 #include "complaints.h"
@@ -45,7 +46,7 @@ static const uint32_t magic_single = 0x4c433032; // "LC02"
 typedef struct target {
     struct sockaddr_in group;
     uint8_t            ttl;
-    int                buffer_size; ///< [B] asked of the kernel; it gives net.core.rmem_max at most
+    int                buffer_size; ///< [B] requested; the kernel limits it to net.core.rmem_max
 } target;
 
 typedef struct lcm {
@@ -155,7 +156,7 @@ static take_result lcm_take(void* self, transport_message* message)
         .msg_control = control,
         .msg_controllen = sizeof control,
     };
-    complaints_tell(&mine->complaints, backend_now_s());
+    complaints_log(&mine->complaints, backend_now_s());
     const ssize_t size = recvmsg(mine->receive_fd, &datagram, MSG_DONTWAIT);
     if (size < 0) {
         const bool idle = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
@@ -284,7 +285,7 @@ static bool target_parse(target* to, const char* url)
            IN_MULTICAST(ntohl(to->group.sin_addr.s_addr));
 }
 
-/// -1 with errno. Connecting a throw-away socket asks the kernel for a route without sending.
+/// -1 with errno. Connecting a temporary socket tests for a route without sending.
 static int sender_open(const target* to)
 {
     const int probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -328,7 +329,7 @@ static int receiver_open(const target* to)
     return fd;
 }
 
-/// 0 also where the socket belongs to the group already.
+/// Returns 0 also if the socket is already a member of the group.
 static int group_join(int fd, const target* to)
 {
     const struct ip_mreq membership = {
@@ -370,7 +371,7 @@ static void receiver_mend(lcm* self, bool broken)
         count_up(&self->counts->errors, 1);
         return;
     }
-    // Whoever polls keeps the number it knows.
+    // The descriptor that the caller polls must not change.
     if (dup3(fresh, self->receive_fd, O_CLOEXEC) >= 0) {
         self->lost_before = 0;
     }
@@ -391,7 +392,7 @@ static void count_lost(lcm* self, struct msghdr* message)
     }
 }
 
-/// Is it an unfragmented LCM event? Then its channel and payload point into it.
+/// True: it is an unfragmented LCM event, and channel and payload point into it.
 static bool frame_parse(const uint8_t* bytes, size_t size, lcm_event* event)
 {
     if (size < HEADER_SIZE + 2 || codec_get_u32(bytes) != magic_single) {
@@ -413,9 +414,9 @@ static bool frame_parse(const uint8_t* bytes, size_t size, lcm_event* event)
 
 enum { INTERFACE_SIZE = 32 };
 
-/// The interface to which the kernel routes the group; "lo" where nothing is routed. The longest
-/// prefix of the main table decides. (The source address the kernel would choose tells nothing: on
-/// loopback it takes that of any interface.)
+/// The interface to which the kernel routes the group; "lo" without a route. The route with the
+/// longest prefix in the main table applies. (The source address that the kernel would choose is no
+/// indication: on loopback it can be that of any interface.)
 static void interface_of(const struct sockaddr_in* group, char best[INTERFACE_SIZE])
 {
     FILE* table = fopen("/proc/self/net/route", "re");
@@ -442,8 +443,8 @@ static bool lcm_secured(const transport_options* options)
     return setting_count(options, "lcm.keys.id") > 0;
 }
 
-/// Two things are needed for a bus on this machine alone: a ttl of 0, which keeps our datagrams
-/// here, and a route to the group on loopback, without which we hear the network's.
+/// A bus is limited to this machine by two conditions: a ttl of 0, so that own datagrams do not
+/// leave it, and a route to the group on loopback, so that those of the network do not enter it.
 static bool lcm_exposed(const char* rest, const transport_options* options, char* words,
                         size_t words_size)
 {
@@ -457,14 +458,14 @@ static bool lcm_exposed(const char* rest, const transport_options* options, char
     inet_ntop(AF_INET, &to.group.sin_addr, address, sizeof address);
     if (here && to.ttl > 0) {
         snprintf(words, words_size,
-                 "lcm:%s: messages are not signed, and ttl=%u lets them leave this machine wherever "
+                 "lcm:%s: messages are not signed, and ttl=%u lets them leave this machine if "
                  "%s is routed to a network; set lcm.keys and lcm.sign_with, or ttl=0, or use "
                  "secured DDS", rest, to.ttl, address);
     } else if (!here) {
         snprintf(words, words_size,
-                 "lcm:%s: messages are not signed, and %s is routed to %s: whoever is on that "
-                 "network can speak as any vehicle%s; set lcm.keys and lcm.sign_with, or keep the "
-                 "bus on this machine (%sip route add %s dev lo), or use secured DDS",
+                 "lcm:%s: messages are not signed, and %s is routed to %s: every machine on "
+                 "that network can send as any vehicle%s; set lcm.keys and lcm.sign_with, or keep "
+                 "the bus on this machine (%sip route add %s dev lo), or use secured DDS",
                  rest, address, interface,
                  to.ttl == 0 ? " (ttl=0 keeps only our own messages here)" : "",
                  to.ttl == 0 ? "" : "ttl=0 and ", address);
@@ -472,7 +473,7 @@ static bool lcm_exposed(const char* rest, const transport_options* options, char
     return !here || to.ttl > 0;
 }
 
-/// Takes the signature off a good message.
+/// Removes the signature of an accepted message.
 static transport_refusal judge(lcm* self, const struct sockaddr_in* from, lcm_event* event)
 {
     const transport_kind kind = codec_kind(event->channel);
@@ -495,7 +496,7 @@ static transport_refusal judge(lcm* self, const struct sockaddr_in* from, lcm_ev
     return refusal;
 }
 
-/// A complaint for each cause: whom it was last and what to do.
+/// One line for each cause, with the last sender and the remedy.
 static void complain(lcm* self, transport_refusal refusal, uint64_t sender)
 {
     char line[COMPLAINT_SIZE], address[32];

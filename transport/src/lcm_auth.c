@@ -96,8 +96,8 @@ void lcm_auth_wipe(lcm_auth* self)
     hmac_wipe(self, sizeof *self);
 }
 
-/// What loopback sends to a group comes from 0.0.0.0 unless its route names a source. No other
-/// machine can: the kernel drops that source where a group's datagram comes in.
+/// Datagrams to a group on loopback have the source 0.0.0.0, unless the route names another one.
+/// Other machines cannot use it: the kernel drops multicast datagrams that arrive with this source.
 bool lcm_auth_allows(const lcm_auth* self, uint32_t address)
 {
     address = address == INADDR_ANY ? INADDR_LOOPBACK : address;
@@ -115,7 +115,7 @@ void lcm_auth_sign(lcm_auth* self, int64_t now_utime, const struct iovec* parts,
     enum { PARTS_MAX = 3 };
     assert(self->own_key != NULL && part_count < PARTS_MAX);
 
-    // Where the clock stands or steps back, the stamp goes on by itself.
+    // If the clock stands or steps back, the stamp still increases.
     self->own_stamp = now_utime > self->own_stamp ? now_utime : self->own_stamp + 1;
     codec_put_u32(trailer + AT_MAGIC, magic);
     codec_put_u32(trailer + AT_KEY, self->own_key->id);
@@ -130,7 +130,7 @@ void lcm_auth_sign(lcm_auth* self, int64_t now_utime, const struct iovec* parts,
     memcpy(trailer + AT_CODE, code, LCM_AUTH_CODE_SIZE);
 }
 
-/// The code first: nothing a stranger wrote is looked at closer than that.
+/// The code is checked first, so that no other field of a forged message is used.
 transport_refusal lcm_auth_verify(lcm_auth* self, int64_t now_utime, const uint8_t* event,
                                   size_t size)
 {
@@ -180,8 +180,8 @@ const char* lcm_auth_text(transport_refusal refusal)
 
 // ---- replay -------------------------------------------------------------------------------
 
-/// A place whose stamp has left the window is free again: whatever that sender said until then is
-/// refused by its age, as long as our clock does not step back by more than the window.
+/// A place whose stamp has left the window is free: earlier messages of that sender are refused by
+/// their age, unless the local clock steps back by more than the window.
 static transport_refusal stamp_judge(lcm_auth* self, int64_t now_utime, uint32_t key_id,
                                      uint64_t sender, int64_t stamp)
 {
@@ -220,7 +220,7 @@ static const lcm_auth_key* key_of(const lcm_auth* self, uint32_t id)
     return NULL;
 }
 
-// ---- what was asked for -------------------------------------------------------------------
+// ---- settings -----------------------------------------------------------------------------
 
 /// "10.1.0.0/16", or an address alone.
 static bool network_parse(lcm_auth_network* network, const char* text)
@@ -288,7 +288,7 @@ static bool keys_read(lcm_auth* self, const transport_options* options, char* er
             return false;
         }
         self->keys[i].id = id;
-        self->key_count += 1;
+        ++self->key_count;
     }
     error[0] = '\0';
     return true;
@@ -311,7 +311,7 @@ static bool key_read(lcm_auth_key* key, const char* path, char* error, size_t er
     close(fd);
     size_t size = got > 0 ? (size_t)got : 0;
     if (size > 0 && text[size - 1] == '\n') {
-        size -= 1;
+        --size;
     }
     uint8_t bytes[HMAC_KEY_SIZE_MAX];
     bool    good = size % 2 == 0 && size >= 2 * KEY_SIZE_MIN && size <= DIGITS_MAX;

@@ -1,17 +1,17 @@
-/// Who is heard on an lcm: bus: a list of source networks, and messages signed with a shared key.
+/// Access control of an lcm: bus: a list of source networks, and messages signed with a shared key.
 ///
 /// Trailer     40 bytes behind the payload, numbers big-endian:
 ///                 "VGH1" | key id, 4 | sender, 8 | stamp, 8 | first half of the HMAC-SHA256, 16
 ///             The code covers every byte after LCM's header and before itself: channel, payload,
-///             key id, sender, stamp. LCM's decoders ignore what stands behind a message, so who
-///             has no keys reads signed messages as any others.
+///             key id, sender, stamp. LCM's decoders ignore bytes after a message, so a program
+///             without keys can read signed messages.
 /// Replay      sender is drawn at random when a bus is opened. stamp is the instant of sending
-///             [us since 1970], made larger than the sender's last where it is not. A receiver
-///             wants stamps within window_ms of its own clock, and of each sender growing ones.
-///             It remembers a sender for the window's length: what is older is refused by its age.
-///             The source address proves nothing here, so a copy from elsewhere is a replay too.
-///             What a receiver that has just started cannot know of may come to it a second time,
-///             as long as it is within the window.
+///             [us since 1970], increased if it is not larger than the sender's last one. A
+///             receiver accepts stamps within window_ms of its own clock, and only growing ones
+///             from each sender. It remembers a sender for the length of the window; older messages
+///             are refused by their age. The source address has no influence, so a copy from
+///             another address is a replay, too. A receiver that has just started accepts a replay
+///             of a message within the window once.
 /// Memory      All in the struct, about 10 KiB.
 /// Threads     lcm_auth_sign() and lcm_auth_verify() may run in two threads, one each.
 #ifndef LCM_AUTH_H
@@ -23,7 +23,7 @@
 enum {
     LCM_AUTH_TRAILER_SIZE = 40,
     LCM_AUTH_CODE_SIZE = 16,    // of the HMAC
-    LCM_AUTH_SENDERS_MAX = 256, // within a window; only who has a key can be one
+    LCM_AUTH_SENDERS_MAX = 256, // within a window; only senders with a key are counted
     LCM_AUTH_NETWORKS_MAX = 32,
     LCM_AUTH_KEYS_MAX = 16,
     LCM_AUTH_SETTINGS = 6,
@@ -47,17 +47,17 @@ typedef struct lcm_auth_sender {
     uint32_t key_id;
 } lcm_auth_sender;
 
-/// All zero: everybody is heard, nothing is signed.
+/// All zero: all messages are accepted, and none is signed.
 typedef struct lcm_auth {
     lcm_auth_network networks[LCM_AUTH_NETWORKS_MAX];
     uint32_t         network_count; // 0: any address
     lcm_auth_key     keys[LCM_AUTH_KEYS_MAX];
-    uint32_t         key_count;     // 0: unsigned messages are heard
+    uint32_t         key_count;     // 0: unsigned messages are accepted
     int64_t          window_us;
     // Sending.
     const lcm_auth_key* own_key;    // null: nothing is signed
     uint64_t         own_sender;
-    int64_t          own_stamp;     // [us] the last one given
+    int64_t          own_stamp;     // [us] of the last message sent
     // Receiving.
     lcm_auth_sender  senders[LCM_AUTH_SENDERS_MAX];
 } lcm_auth;
@@ -76,14 +76,14 @@ bool lcm_auth_allows(const lcm_auth* self, uint32_t address);
 void lcm_auth_sign(lcm_auth* self, int64_t now_utime, const struct iovec* parts, int part_count,
                    uint8_t trailer[LCM_AUTH_TRAILER_SIZE]);
 
-/// event: everything behind LCM's header. TRANSPORT_ADMITTED only for what has a good trailer.
+/// event: all bytes after LCM's header. TRANSPORT_ADMITTED only with a valid trailer.
 transport_refusal lcm_auth_verify(lcm_auth* self, int64_t now_utime, const uint8_t* event,
                                   size_t size);
 
-/// Do these bytes end in a trailer, whoever made it?
+/// True: these bytes end in a trailer, valid or not.
 bool lcm_auth_signed(const uint8_t* bytes, size_t size);
 
-/// For people: what was wrong with a message and what to do about it.
+/// The text for a refusal: the fault of the message and the remedy.
 const char* lcm_auth_text(transport_refusal refusal);
 
 #endif

@@ -11,8 +11,8 @@ take_result lcm_event_read(const lcm_event* event, unsigned receive, counters* c
         count_up(&counts->foreign, 1);
         return TAKE_REFUSED;
     }
-    // A signature nobody asked to check, as in the log of a signed bus: LCM's decoders pass over
-    // what stands behind a message, and so do we.
+    // An unchecked signature, as in the log of a signed bus. Bytes after a message are ignored, as
+    // by LCM's decoders.
     size_t size = event->size;
     if (size == codec_size(kind) + LCM_AUTH_TRAILER_SIZE &&
         lcm_auth_signed(event->payload, size)) {

@@ -14,11 +14,11 @@ typedef struct lcm_event {
     char           channel[LCM_CHANNEL_SIZE_MAX + 1];
     const uint8_t* payload;
     size_t         size;
-    bool           truncated; ///< longer than any message of ours; payload holds its beginning
+    bool           truncated; ///< longer than any message of verge; payload holds its beginning
 } lcm_event;
 
-/// Fills kind and content of the message. TAKE_REFUSED: it is of a channel that `receive` does not
-/// ask for (counted as foreign), or its length or type is wrong (counted as malformed).
+/// Fills kind and content of the message. TAKE_REFUSED: its channel is not in `receive` (counted as
+/// foreign), or its length or type is wrong (counted as malformed).
 take_result lcm_event_read(const lcm_event* event, unsigned receive, counters* counts,
                            transport_message* message);
 

@@ -196,14 +196,15 @@ static int log_send(void* self, int64_t utime, const transport_message* message)
     codec_put_u32(event + 24, (uint32_t)size);
     memcpy(event + EVENT_HEADER_SIZE, channel, length);
     codec_encode(message->kind, &message->as, event + EVENT_HEADER_SIZE + length);
-    mine->event_number += 1;
+    ++mine->event_number;
     mine->used += event_size;
-    mine->waiting += 1;
+    ++mine->waiting;
     const bool cycle_ends = message->kind == TRANSPORT_MARK;
     return cycle_ends && flush(mine) != 0 ? -1 : room ? 0 : -1;
 }
 
-/// Writes the waiting events, however long that takes. On failure they are lost: -1 with errno.
+/// Writes the waiting events and blocks until that is done. On failure they are lost: -1 with
+/// errno.
 static int flush(log_file* self)
 {
     size_t written = 0;
@@ -245,7 +246,7 @@ static bool sync_find(log_file* self)
     }
 }
 
-/// That sync word began no event: look for the next one right behind it.
+/// That sync word did not begin an event. The search continues directly after it.
 static take_result event_refuse(log_file* self, int64_t resume_at)
 {
     if (!self->in_garbage) {
@@ -259,7 +260,7 @@ static take_result event_refuse(log_file* self, int64_t resume_at)
     return TAKE_REFUSED;
 }
 
-/// Reads the event whose sync word ends at start. False: it is none, or not all of it is there.
+/// Reads the event whose sync word ends at start. False: not an event, or not complete.
 static bool event_read(log_file* self, int64_t start, event_header* header, lcm_event* event)
 {
     if (!header_read(self, start, header) || !event_body_read(self, header, event)) {

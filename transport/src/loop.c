@@ -1,8 +1,8 @@
 /// loop: an in-process bus for tests and simulation.
 ///
-/// Every open end has a ring of waiting messages; a sender copies its message into the ring of
-/// every other end of the same name that asked for its kind. A full ring gives up its oldest
-/// message and counts it: the newest state is worth more. One lock guards all ends; it is held for
+/// Every open end has a ring of waiting messages. A sender copies its message into the ring of
+/// every other end of the same name that receives its kind. A full ring drops its oldest message
+/// and counts it, because the newest states matter most. One lock guards all ends; it is held for
 /// one copy.
 #include "backend.h"
 
@@ -95,11 +95,11 @@ static take_result loop_take(void* self, transport_message* message)
     if (mine->count > 0) {
         *message = mine->ring[mine->first];
         mine->first = (mine->first + 1) % RING_MAX;
-        mine->count -= 1;
+        --mine->count;
         result = TAKE_MESSAGE;
     }
     if (mine->count == 0) {
-        uint64_t readings; // the descriptor must stop being readable; a failed read says it is
+        uint64_t readings; // a successful or failed read leaves the descriptor unreadable
         (void)!read(mine->fd, &readings, sizeof readings);
     }
     pthread_mutex_unlock(&lock);
@@ -143,13 +143,13 @@ static void deliver(end* to, uint64_t sender, const transport_message* message)
     }
     if (to->count == RING_MAX) {
         to->first = (to->first + 1) % RING_MAX;
-        to->count -= 1;
+        --to->count;
         count_up(&to->counts->dropped, 1);
     }
     transport_message* slot = &to->ring[(to->first + to->count) % RING_MAX];
     *slot = *message;
     slot->sender = sender;
-    to->count += 1;
+    ++to->count;
 
     const uint64_t one = 1;
     (void)!write(to->fd, &one, sizeof one); // fails only when the counter is full: still readable

@@ -24,7 +24,7 @@
 #define FROM(min) min, (double)INFINITY, MESSAGE_KNOWN
 #define ANY -(double)INFINITY, (double)INFINITY, MESSAGE_KNOWN
 
-/// RANGE() and its like are three values: the row ends before they are taken apart.
+/// RANGE() and its like expand to three values, so they have to stay together in the row.
 #define ROW(in, before, type, name, ...) \
     { #name, before #name, TYPE_##type, offsetof(in, name), __VA_ARGS__, NULL, 0, 0 },
 
@@ -105,7 +105,7 @@ static const char* struct_check(const message_struct* of, const char* at)
     return NULL;
 }
 
-/// The count stands before its array, so it has been checked.
+/// The count precedes its array, so it has been checked.
 static const char* array_check(const message_field* array, const char* in)
 {
     const double count = number_at(MESSAGE_COUNT, in + array->count_offset);
@@ -167,7 +167,7 @@ uint32_t message_crc32(transport_kind kind, const void* message)
 {
     message_struct before = *message_of(kind);
     assert(crc32_field(&before) != NULL);
-    before.field_count -= 1;
+    --before.field_count;
     return crc32_end(struct_crc32(&before, message, crc32_begin));
 }
 

@@ -1,4 +1,4 @@
-/// From a URL to a backend, and everything that is the same on every bus: checksums and counters.
+/// Selects the backend of a URL, and does what all buses share: checksums and counters.
 #include "verge/transport.h"
 
 #include "backend.h"
@@ -14,8 +14,8 @@
 #include <string.h>
 #include <time.h>
 
-/// Events looked at in one transport_drain(), wanted or not: a flood of garbage must not keep
-/// the caller away from its other work. A flood of this length takes about a millisecond.
+/// Largest number of events, requested or not, in one transport_drain(), so that a flood of
+/// messages does not block the caller. This number takes about a millisecond.
 enum { EVENTS_PER_DRAIN_MAX = 512 };
 
 struct transport {
@@ -242,7 +242,7 @@ uint64_t transport_refused(const transport_stats* stats)
     return sum;
 }
 
-/// Was it changed on its way? A mark's checksum is the log's to check.
+/// True: the checksum is wrong. The log backend checks that of a mark.
 static bool admit(transport* bus, transport_message* message)
 {
     assert(message->kind != TRANSPORT_NONE && (bus->receive & 1u << message->kind) != 0);

@@ -1,4 +1,4 @@
-/// What a field may say is in messages.def; here is what fields have to do with each other.
+/// Ranges of single fields are in messages.def; relations between fields are checked here.
 #include "verge/wire.h"
 
 #include "verge/message.h"
@@ -172,9 +172,9 @@ bool wire_plan_rest(const verge_vehicle_plan_t* plan, int64_t utime, verge_vehic
             (size_t)rest->point_count * sizeof rest->points[0]);
     memset(rest->points + rest->point_count, 0, (size_t)points * sizeof rest->points[0]);
 
-    int32_t done = 0; // the last action holds to the end, even where its time is over
+    int32_t done = 0; // the last action is kept to the end, also after its time is over
     while (done + 1 < rest->action_count && rest->actions[done].t1_ms <= ms) {
-        done++;
+        ++done;
     }
     rest->action_count -= done;
     memmove(rest->actions, rest->actions + done,

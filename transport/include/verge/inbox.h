@@ -1,14 +1,15 @@
-/// The latest state of every vehicle, and what may be made of it at a plan's instant.
+/// The latest state of every vehicle, extrapolated to the instant of a plan.
 ///
 ///     inbox_init(&inbox, &limits, vehicles_max, controlled_max);
-///     inbox_offer_from(&inbox, &message.as.state, source, utime_now, road); // as each comes
+///     inbox_offer_from(&inbox, &message.as.state, source, utime_now, road); // each message
 ///     inbox_snapshot(&inbox, plan_utime, &view);                // once a cycle
 ///     verge_planner_step(planner, plan_utime, view.vehicles, view.count, &plan);
 ///
-/// Isolation   A refused message changes a counter and nothing else: the vehicle keeps its last
-///             good state until that grows old, and no other vehicle is touched.
-/// Senders     An id belongs to the first sender that says it, on each bus, until that falls silent.
-///             Two buses are not compared: who may speak on one may speak for everyone there.
+/// Isolation   A refused message changes only a counter: the vehicle keeps its last accepted state
+///             until that is too old, and no other vehicle is affected.
+/// Senders     On each bus an id belongs to the first sender that uses it, until that sender is
+///             silent for obstacle_ms. Senders of different buses are not compared: the same
+///             vehicle may send on two buses.
 /// Memory      All in the struct (about 10 KiB); nothing allocates.
 /// Threads     One at a time.
 /// Time        No clock is read. The same offers and snapshots in the same order give the same
@@ -30,15 +31,16 @@ typedef struct inbox_limits {
     double fresh_ms;          ///< [ms] up to this age a state is used and its vehicle planned
     double obstacle_ms;       ///< [ms] then an obstacle with obstacle_margin_m, not planned
     double drop_ms;           ///< [ms] then one with old_margin_m; beyond this age forgotten
-    double future_ms;         ///< [ms] a state further ahead of our clock is refused
+    double future_ms;         ///< [ms] a state further ahead of the local clock is refused
     double obstacle_margin_m; ///< [m]  on every side of the body
     double old_margin_m;      ///< [m]
-    double jump_m;            ///< [m]  further than this beyond what it can drive: another sender
+    double jump_m;            ///< [m]  further than this from every reachable position: another
+                              ///<      vehicle with the same id
 } inbox_limits;
 
 inbox_limits inbox_default_limits(void);
 
-/// One field of inbox_limits, for whoever reads them by name. All are doubles.
+/// One field of inbox_limits, for programs that read them by name. All are doubles.
 typedef struct inbox_param {
     const char* name;     ///< the field's name, also the JSON key
     const char* unit;
@@ -53,22 +55,22 @@ const inbox_param* inbox_params(uint32_t* count);
 /// Null: the limits are in their ranges and in order. Otherwise the field that is not.
 const char* inbox_limits_check(const inbox_limits* limits);
 
-/// What became of an offered state. The rules are tried in the order of this list.
+/// The result for an offered state. The rules are checked in the order of this list.
 typedef enum inbox_verdict {
     INBOX_ACCEPTED = 0,
-    INBOX_OUT_OF_RANGE,  ///< wire_state_check(), or a target lane the road does not have
+    INBOX_OUT_OF_RANGE,  ///< by wire_state_check(), or a target lane that the road does not have
     INBOX_FUTURE,        ///< utime more than future_ms ahead
     INBOX_STALE,         ///< older than drop_ms on arrival
     INBOX_ID_TAKEN,      ///< same id from another sender of the same bus; the first one keeps it
-                         ///< until what it said last is older than obstacle_ms
-    INBOX_DUPLICATE,     ///< the utime and position of the state held
-    INBOX_OUT_OF_ORDER,  ///< older than the state held
+                         ///< until its last state is older than obstacle_ms
+    INBOX_DUPLICATE,     ///< same utime and position as the stored state
+    INBOX_OUT_OF_ORDER,  ///< older than the stored state
     INBOX_ID_CONFLICT,   ///< same id, but a body that cannot be the same one (jump_m)
     INBOX_OFF_MAP,       ///< its centre lies on no lane; not checked for vehicles of inbox_placed()
     INBOX_OVER_CAPACITY, ///< a new vehicle, and no slot is free or forgotten
 } inbox_verdict;
 
-/// The rx_ fields of rsu_status_t. rx_malformed and rx_dropped are the bus's to count.
+/// The rx_ fields of rsu_status_t. The bus counts rx_malformed and rx_dropped.
 typedef struct inbox_counters {
     uint64_t rx_accepted, rx_stale, rx_future, rx_duplicate, rx_out_of_order, rx_malformed;
     uint64_t rx_out_of_range, rx_off_map, rx_over_capacity, rx_id_conflict, rx_dropped;
@@ -76,22 +78,22 @@ typedef struct inbox_counters {
 
 enum { INBOX_BUSES_MAX = 4 };
 
-/// Where a state came from. sender 0: not known (a recording).
+/// Bus and sender of a state. sender 0: unknown (a recording).
 typedef struct inbox_source {
     uint64_t sender; ///< transport_message.sender
     uint32_t bus;    ///< below INBOX_BUSES_MAX
 } inbox_source;
 
-/// One vehicle's slot. Leave it to inbox.c.
+/// The slot of one vehicle. Private to inbox.c.
 typedef struct inbox_slot {
     verge_vehicle_state_t state;
     bool used;
-    bool planned; ///< asked for a plan in the last snapshot: owed a cancellation when that ends
+    bool planned; ///< controlled in the last snapshot: gets a cancellation when that ends
     bool placed;  ///< the last plan found it on a lane, see inbox_placed()
     struct {
-        uint64_t sender; ///< 0: none known
-        int64_t  utime;  ///< [us] of the last state it said
-    } heard[INBOX_BUSES_MAX]; ///< who speaks for the vehicle, on each bus
+        uint64_t sender; ///< 0: unknown
+        int64_t  utime;  ///< [us] of its last state
+    } owners[INBOX_BUSES_MAX]; ///< the sender that owns the id, on each bus
 } inbox_slot;
 
 typedef struct inbox {
@@ -103,64 +105,66 @@ typedef struct inbox {
 } inbox;
 
 /// limits must pass inbox_limits_check(); 1 <= controlled_max <= vehicles_max <=
-/// VERGE_VEHICLES_MAX, the planner's own (a planner refuses a whole step that has more).
+/// VERGE_VEHICLES_MAX, as in the planner, which refuses a step with more vehicles.
 void inbox_init(inbox* self, const inbox_limits* limits, uint32_t vehicles_max,
                 uint32_t controlled_max);
 
-/// Other limits from now on; the vehicles stay.
+/// Changes the limits and keeps the vehicles.
 void inbox_set_limits(inbox* self, const inbox_limits* limits);
 
-/// road null: any place and any target lane will do. A vehicle heard on two buses is one vehicle:
-/// what the second bus says again is a duplicate.
+/// Offers a state that was received. road null: position and target lane are not checked. A vehicle
+/// received on two buses is one vehicle: the same state from the second bus is a duplicate.
 inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
                                inbox_source source, int64_t now_utime, const verge_road* road);
-/// The same from nobody in particular.
+/// The same from an unknown sender on bus 0.
 inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
                           const verge_road* road);
 
 /// Reports the vehicles that the last plan found on a lane; to be called before each snapshot, with
-/// count 0 where nothing was planned. A state of a reported vehicle is not projected on the road
-/// when it arrives: the plan that uses it does that, at its own instant. The states of all other
-/// vehicles are projected on arrival, so that vehicles off the map, of which a roadside unit may
-/// hear many, never take a slot. A vehicle that leaves the map is therefore used once more, as a
-/// vehicle off the road; its next states are refused.
+/// count 0 if there was no plan. A state of a reported vehicle is not projected on the road when it
+/// arrives: the plan that uses it does that, at its own instant. The states of all other vehicles
+/// are projected on arrival, so that vehicles off the map, of which a roadside unit may receive
+/// many, never take a slot. A vehicle that leaves the map is therefore used once more, as a vehicle
+/// off the road; its next states are refused.
 void inbox_placed(inbox* self, const int32_t* ids, uint32_t count);
 
-/// After a change of the buses: whoever speaks for a vehicle next may.
+/// Releases the ownership of all ids. For a change of the buses.
 void inbox_forget_senders(inbox* self);
 
-/// After a change of the road: forgets the vehicles that are off it or want a lane it lacks, which
-/// the planner would refuse. They are not counted again; owed cancellations are told.
+/// For a change of the road: forgets the vehicles that are off the new road or have a target lane
+/// that it lacks, which the planner would refuse. No counter changes; planned vehicles get their
+/// cancellation in the next snapshot.
 void inbox_review(inbox* self, const verge_road* road);
 
 /// "accepted", "stale", ...: the name of the counter without rx_.
 const char* inbox_verdict_name(inbox_verdict verdict);
 
-/// Who is there at one instant, ordered by id. About 12 KiB.
+/// The vehicles at one instant, ordered by id. About 12 KiB.
 typedef struct inbox_view {
     uint32_t      count;
     verge_vehicle vehicles[VERGE_VEHICLES_MAX];    ///< projected to the instant
-    int64_t       state_utime[VERGE_VEHICLES_MAX]; ///< [us] of the state each comes from
+    int64_t       state_utime[VERGE_VEHICLES_MAX]; ///< [us] of the received state of each
     uint32_t      controlled_count;                ///< vehicles with controlled == true
     uint32_t      cancelled_count;
-    int32_t       cancelled[VERGE_VEHICLES_MAX];   ///< ids planned in the last view and not in this
+    int32_t       cancelled[VERGE_VEHICLES_MAX];   ///< ids controlled in the last view, not in this
 } inbox_view;
 
-/// Projects every state to plan_utime, with its acceleration until it stands and with its yaw
-/// rate (unknown or below 2 m/s: none), along its heading. Vehicles that asked to be planned and
-/// are fresh are controlled; if they are more than controlled_max, those of the last view first,
-/// then by id. Forgets what is older than drop_ms. Every cancellation is told exactly once.
+/// Extrapolates every state to plan_utime with constant acceleration, until the vehicle stands, and
+/// constant yaw rate (0 if it is unknown or the speed is below 2 m/s). Vehicles that request a plan
+/// and are fresh are controlled; if there are more than controlled_max, those of the last view
+/// first, then by id. Forgets vehicles older than drop_ms. Each cancellation appears in exactly one
+/// view.
 void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view);
 
-/// The state held of one vehicle, projected to an instant, when it is fresh then. Changes nothing.
+/// The stored state of one vehicle, extrapolated to an instant. False: none, or not fresh then.
 bool inbox_latest(const inbox* self, int32_t id, int64_t utime, verge_vehicle* vehicle,
                   int64_t* state_utime);
 
 /// A vehicle's motion from its own instant to dt [s] later (or, dt < 0, earlier).
 void inbox_project(verge_vehicle* vehicle, double dt);
 
-/// Writes the eleven rx_ fields of a status, capped at INT32_MAX: the inbox's own and, for
-/// rx_malformed and rx_dropped, the bus's; its refused strangers count as malformed.
+/// Writes the eleven rx_ fields of a status, capped at INT32_MAX: those of the inbox and, for
+/// rx_malformed and rx_dropped, those of the bus. Messages that the bus refused count as malformed.
 void inbox_fill_status(const inbox* self, const transport_stats* bus, verge_rsu_status_t* status);
 
 #ifdef __cplusplus

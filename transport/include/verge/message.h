@@ -5,7 +5,7 @@
 ///     for (uint32_t i = 0; i < of->field_count; ++i) ... of->fields[i].name
 ///
 /// For programs that read or write every field of a message without naming any. The tables are
-/// constant and live as long as the program. Nothing allocates; any thread may call.
+/// constant, with static lifetime. No function allocates; all may be called from any thread.
 #ifndef VERGE_MESSAGE_H
 #define VERGE_MESSAGE_H
 
@@ -21,13 +21,13 @@ typedef enum message_type {
     MESSAGE_INT64,
     MESSAGE_FLOAT,
     MESSAGE_DOUBLE,
-    MESSAGE_BITS32, ///< int32_t that is a pattern and no number: a checksum
-    MESSAGE_BITS64, ///< int64_t likewise
-    MESSAGE_COUNT,  ///< int32_t: how many elements of an array are in use
-    MESSAGE_ARRAY,  ///< structs of its own table
+    MESSAGE_BITS32, ///< int32_t that is a bit pattern: a checksum
+    MESSAGE_BITS64, ///< int64_t that is a bit pattern: a digest
+    MESSAGE_COUNT,  ///< int32_t: number of used elements of an array
+    MESSAGE_ARRAY,  ///< structs with a table of their own
 } message_type;
 
-/// Which values besides those from min to max a field may have.
+/// The values that a field may have besides those from min to max.
 typedef enum message_unknown {
     MESSAGE_KNOWN,       ///< none
     MESSAGE_OR_NAN,      ///< NaN
@@ -44,7 +44,7 @@ typedef struct message_field {
     const char*     unit;   ///< "m/s"; empty: none
     double          min, max; ///< both included; infinite: the type's own limit
     message_unknown unknown;
-    const char*     text; ///< what it means; may be empty
+    const char*     text; ///< its meaning; may be empty
     // Of arrays only.
     const message_struct* part;
     uint32_t              length;       ///< elements
@@ -61,20 +61,20 @@ struct message_struct {
 /// Null for TRANSPORT_NONE and TRANSPORT_MARK, which are not in the schemas.
 const message_struct* message_of(transport_kind kind);
 
-/// Is every field in its range? Null: yes. Otherwise the path of the first field that is not
-/// (static lifetime). Elements of an array beyond its count are not looked at. Relations between
-/// fields are checked in wire.h.
+/// Null: every field is in its range. Otherwise the path of the first field that is not (static
+/// lifetime). Elements of an array beyond its count are ignored. Relations between fields are
+/// checked in wire.h.
 const char* message_check(transport_kind kind, const void* message);
 
-/// The crc32 of a message: zlib's CRC-32 over the big-endian LCM encoding of all fields before
-/// crc32, whichever bus carries it. Walks the fields; nothing is encoded.
+/// The crc32 of a message on any bus: zlib's CRC-32 over the big-endian LCM encoding of all fields
+/// before crc32. It is computed from the fields, without encoding the message.
 uint32_t message_crc32(transport_kind kind, const void* message);
 
-/// Is the crc32 that a message holds the right one?
+/// True: the crc32 field of a message is correct.
 bool message_is_whole(transport_kind kind, const void* message);
 
-/// Makes a message ready to send: copies every field, sets the padding between them to zero, so
-/// that a bus that sends the struct's memory sends nothing else, and fills in crc32.
+/// Copies a message for sending: copies every field, sets the padding between them to zero, because
+/// some buses send the memory of the struct, and computes crc32.
 void message_seal(transport_kind kind, const void* message, void* sealed);
 
 #ifdef __cplusplus

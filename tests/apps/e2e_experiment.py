@@ -157,8 +157,8 @@ def gate_cases(program, folder):
         assert row["success"] >= 0.9, row
         if (row["habits"], row["state"]) in (("case 1", 0), ("case 2", 1)): # the authors' own
             assert row["success"] == 1.0, row
-    # From one and the same state, the authors' of case 2, who is ahead follows from whose habits are
-    # the aggressive ones. The two orders are worth nearly the same: not every search finds the
+    # From the authors' state of case 2, the order of the vehicles depends on which of them is
+    # aggressive. The rewards of the two orders are nearly equal, so not every search finds the
     # better one.
     ahead = {r["habits"]: r["2_ahead_of_4"] for r in orders if r["state"] == 1}
     assert ahead["case 1"] >= 0.6 and ahead["case 2"] <= 0.25, ahead

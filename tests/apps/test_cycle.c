@@ -249,7 +249,7 @@ static void test_after_an_empty_road_plans_are_those_of_a_unit_that_just_started
         hear(old, 2, 0.5 * k, false);
         run_at(old, 0.5 * k + 0.1);
     }
-    run_at(old, 10.0); // nobody is there any more
+    run_at(old, 10.0); // no vehicle is left
     assert_int_equal(old->cycle.view.count, 0);
     for (int k = 0; k < 6; ++k) {
         const double t = 20.0 + 0.5 * k;
@@ -410,7 +410,7 @@ static void drive_with_bad_messages(test_rng* rng)
         for (int32_t id = 0; id < 3; ++id) {
             hear(spared, id, t, true);
             hear(troubled, id, t, true);
-            for (int n = 0; n < 6; ++n) { // from the same vehicle, or from a stranger
+            for (int n = 0; n < 6; ++n) { // from the same vehicle, or from an unknown sender
                 const int32_t who = test_rng_below(rng, 2) == 0 ? id : 40;
                 verge_vehicle_state_t spoilt = spoil(rng, state_at(id, t + 0.01, true));
                 spoilt.vehicle_id = who;
@@ -732,7 +732,7 @@ static void test_a_newcomer_brakes_and_a_silent_vehicle_is_left_to_its_cancellat
     assert_int_equal(self->cycle.message_count, 2);
     assert_int_equal(message_for(self, 0)->status, VERGE_PLANNED);
     assert_int_equal(message_for(self, 1)->status, VERGE_FALLBACK_BRAKE);
-    cycle_overrun(&self->cycle, instant(4.0)); // both plans are over, nobody has spoken since
+    cycle_overrun(&self->cycle, instant(4.0)); // both plans are over, no state since
     assert_int_equal(self->cycle.message_count, 0);
     cycle_plan(&self->cycle);
     cycle_end(&self->cycle);

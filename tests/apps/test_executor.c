@@ -73,7 +73,7 @@ typedef struct meeting {
     atomic_uint missed;
 } meeting;
 
-/// Ends when everyone is there; gives up after 20 s.
+/// Ends when all threads have arrived, or after 20 s.
 static void meeting_task(void* arg, uint32_t index)
 {
     meeting* self = arg;

@@ -383,7 +383,7 @@ static void test_sums_are_means_with_the_worst_beside_them(void** state)
     CHECK_NEAR(three.reached, 4.0 / 6.0, 1e-15);
     CHECK_NEAR(three.nodes, 30.0, 1e-12);
     CHECK_NEAR(three.nodes_worst, 60.0, 0.0);
-    CHECK_NEAR(three.finish_time, 5.0, 1e-12); // of those who finished
+    CHECK_NEAR(three.finish_time, 5.0, 1e-12); // of the vehicles that finished
     CHECK_NEAR(two.finish_worst, 8.0, 0.0);
     assert_true(isinf(three.finish_worst));
     CHECK_NEAR(three.min_center_gap, 7.5, 1e-12);

@@ -217,7 +217,7 @@ static void log_many(unsigned count)
     }
 }
 
-/// What is read are whole lines, and each dropped one is counted and told of once.
+/// Only complete lines are read, and each dropped one is counted and reported once.
 static void check_piped(const char* text, uint64_t put, uint64_t dropped)
 {
     uint64_t lines = 0, told = 0;
@@ -246,7 +246,7 @@ static void test_an_unread_pipe_loses_counted_lines_and_blocks_nothing(void** st
     dup2(ends[1], STDERR_FILENO);
     assert_true(log_start());
     uint64_t put = 0;
-    while (log_dropped() == 0) { // the pipe and the queue are full at last, and nobody waits
+    while (log_dropped() == 0) { // fills the pipe and the queue; no thread blocks
         log_many(100);
         put += 100;
     }

@@ -88,7 +88,7 @@ static void test_a_contact_counts_once_and_ends_success_only_with_a_controlled_v
     (void)state;
     stage self;
     open_stage(&self);
-    self.world.vehicles[1].state.target_lane = 0; // everybody is where they want to be
+    self.world.vehicles[1].state.target_lane = 0; // every vehicle is in its target lane
     self.metrics.vehicles[1].intends = false;
     tick(&self);
     assert_true(metrics_success(&self.metrics));
@@ -171,7 +171,7 @@ static void test_success_requires_that_no_vehicle_stands_without_a_cause_at_the_
                      cases[i].success);
         }
         assert_true(metrics_reached(&self.metrics));
-        self.world.vehicles[2].present = false; // who left is no cause
+        self.world.vehicles[2].present = false; // a vehicle that left is not a cause
         tick(&self);
         assert_int_equal(metrics_success(&self.metrics), cases[i].x > 850.0 || cases[i].speed >= 0.5);
         close_stage(&self);

@@ -129,7 +129,7 @@ static void test_a_reader_that_stops_costs_counted_events_and_no_time(void** sta
     const int out = open(file, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     recorder* self = open_recorder(fifo);
     uint64_t put = 2; // an event of time 0 would be given the time of reading
-    while (recorder_dropped(self) == 0) { // nobody reads, and we are not held up
+    while (recorder_dropped(self) == 0) { // unread, and the caller does not block
         put_mark(self, (int64_t)put);
         put_plan(self, (int64_t)put);
         put += 2;

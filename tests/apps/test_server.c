@@ -80,7 +80,7 @@ static void say(int fd, const char* words)
     assert_int_equal(send(fd, words, strlen(words), MSG_NOSIGNAL), strlen(words));
 }
 
-/// Serves until the client's connection ends; what it was told. Null: it did not end.
+/// Serves until the client's connection ends and returns its answer. Null: it did not end.
 static const char* answer_of(server* self, int fd, int64_t now)
 {
     static char got[ANSWER + 1];
@@ -165,7 +165,7 @@ static void test_more_clients_than_places_wait_their_turn(void** state)
     }
     server_serve(self, 0);
     struct pollfd ends[SERVER_ENDS];
-    assert_int_equal(server_ends(self, ends), SERVER_CLIENTS); // nobody new is let in
+    assert_int_equal(server_ends(self, ends), SERVER_CLIENTS); // no new client is accepted
     const int fd = connect_to(path_of("c.sock"));
     say(fd, "patient\n");
     assert_null(answer_of(self, fd, 1));
@@ -205,7 +205,7 @@ static void test_a_socket_in_use_and_a_file_of_another_kind_are_not_replaced(voi
     assert_int_equal(remove(path_of("d.sock")), 0);
     assert_false(server_open_unix(&second, &def, path_of("no/e.sock"), error, sizeof error));
 
-    // What a daemon left that was killed: bound, and nobody listens.
+    // The socket of a daemon that was killed: bound, without a listener.
     const int dead = socket(AF_UNIX, SOCK_STREAM, 0);
     struct sockaddr_un address = { .sun_family = AF_UNIX };
     snprintf(address.sun_path, sizeof address.sun_path, "%s", path_of("d.sock"));
@@ -293,7 +293,7 @@ static void test_an_answer_may_come_any_time_later(void** state)
     assert_int_equal(asked, 10);
     struct pollfd ends[SERVER_ENDS];
     assert_int_equal(server_ends(self, ends), 2);
-    assert_int_equal(poll(ends, 1, 0), 0); // the client that waits keeps nobody awake
+    assert_int_equal(poll(ends, 1, 0), 0); // a waiting client causes no wake-ups
     due = true;
     assert_string_equal(answer_of(self, fd, now), "later!\n");
 

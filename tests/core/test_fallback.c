@@ -133,7 +133,7 @@ static void test_a_fallback_that_only_slows_down_meets_no_vehicle_ahead(void** s
     for (uint32_t round = 0; round < test_rounds(400); ++round) {
         scene* w = random_scene(&rng);
         const bool keeps = fall_back(w)->status == VERGE_FALLBACK_KEEP_LANE;
-        // Braking may be worse with someone behind, or with someone who is grazed from the side.
+        // Braking may be worse with a vehicle behind, or with a contact from the side.
         bool other = false, touched = false;
         for (uint32_t j = 1; j < w->tracks.count; ++j) {
             const double beside = fabs(w->tracks.of[j].y[0] - SCENE_WIDTH);

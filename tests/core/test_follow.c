@@ -56,7 +56,7 @@ static void test_braking_from_the_follow_speed_ends_at_the_gap(void** state)
         pair_make(&p, test_rng_below(&rng, 2) ? 0.0 : 1.0 / 125.0, speed, a, distance, leader);
         const double T = p.following.T;
         const double v = vg_follow_speed(&p.following, &p.state, b);
-        if (v >= VG_HUGE) { // nobody near: there is room to go on and to stop after that
+        if (v >= VG_HUGE) { // no vehicle near: enough distance to continue and to stop
             const double rest = gap_after(&p, p.state.s + speed * T) - speed * speed / (2.0 * b);
             CHECK_AT_MOST(GAP, rest);
             scene_free(p.w);

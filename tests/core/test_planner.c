@@ -608,7 +608,7 @@ static void the_executor_does_not_change_the_plan(void** state)
     free(spread.memory);
 }
 
-/// Drives everyone on exactly as planned and predicted for `cycle` seconds.
+/// Drives all vehicles exactly as planned and predicted for `cycle` seconds.
 static void drive_on(const verge_planner_def* def, verge_vehicle* vehicles, uint32_t count,
                      double cycle)
 {
@@ -722,11 +722,11 @@ static void humans_drive_by_the_idm_and_are_predicted_as_measured(void** state)
     CHECK_NEAR(plan.predictions[1].points[30].x, 90.0 + 3.0 * 9.0, 1e-3);
     CHECK_NEAR(advanced[3].x, plan.predictions[2].points[1].x, 1e-4); // off the road: straight on
     CHECK_NEAR(advanced[3].y, plan.predictions[2].points[1].y, 1e-4);
-    vehicles[2].speed = 0.0; // who stands is not expected to set off
+    vehicles[2].speed = 0.0; // a standing vehicle is predicted to stand
     verge_planner_reset(on.planner);
     must_step(on.planner, 0, vehicles, 4);
     CHECK_NEAR(plan.predictions[1].points[30].x, 90.0, 0.1);
-    vehicles[2].speed = 9.0; // who brakes is expected to brake on
+    vehicles[2].speed = 9.0; // a braking vehicle is predicted to continue braking
     vehicles[2].acceleration = -6.0;
     must_step(on.planner, 0, vehicles, 4);
     CHECK_AT_MOST(plan.predictions[1].points[30].x, 90.0 + 9.0 * 9.0 / (2.0 * 6.0) + 1.0);

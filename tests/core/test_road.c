@@ -634,7 +634,7 @@ static void test_routes_take_the_fewest_changes_and_go_on_across_sections(void**
     assert_int_equal(vg_road_turn(w->road, 1, 2), -1);
     assert_true(w->road->lanes[2].dead_end); // its neighbour goes on
     assert_false(w->road->lanes[3].dead_end);
-    assert_false(w->road->lanes[4].dead_end); // nobody beside goes on
+    assert_false(w->road->lanes[4].dead_end); // no lane beside it continues
     assert_int_equal(relation(w, 0, 3)->kind, VG_DOWNSTREAM);
     CHECK_NEAR(relation(w, 0, 3)->offset, 300.0, 0.01);
     CHECK_NEAR((double)relation(w, 0, 3)->lateral + (double)w->road->lanes[3].bins[0].lateral

@@ -335,7 +335,7 @@ static void test_a_fallback_brakes_for_a_dead_end_with_any_vehicle_behind(void**
     for (double v = 3.0; v <= 9.0; v += 2.0) {
         scene* w = scene_make(0.0, 80.0);
         scene_vehicle(w, 0, 80.0 - 4.0 - v * v / 9.0 - 0.3 * v, 0.0, 0.0, v, 0.0, v);
-        scene_track(w, w->vehicles[0].x - 5.5, 0.0, v, 0.0); // would run into whoever brakes
+        scene_track(w, w->vehicles[0].x - 5.5, 0.0, v, 0.0); // would run into a vehicle that brakes
         scene_run(w);
         assert_true(w->plans[0].status != VERGE_PLANNED);
         assert_int_equal(w->plans[0].reason, VERGE_REASON_COLLISION);
@@ -385,7 +385,7 @@ static void test_a_fallback_states_its_reason(void** state)
     CHECK_AT_MOST(w->plans[0].points[w->def.points - 1].speed, 2.0);
     scene_free(w);
 
-    // A wall that cannot be missed: brakes as hard as it can, and says it will touch.
+    // An unavoidable wall: the vehicle brakes as hard as it can, and the contact is reported.
     w = scene_make(0.0, 0.0);
     scene_vehicle(w, 1, 30.0, 0.0, 0.0, 20.0, 0.0, 20.0);
     for (int lane = 0; lane < 3; ++lane) {

@@ -183,7 +183,7 @@ static void plans_are_legal_and_free_of_conflicts(void** state)
     close_search(self);
 }
 
-/// A dense scene and a wish nobody may fulfil.
+/// A dense scene in which no vehicle can reach its target lane.
 static void a_warm_line_that_fails_does_not_become_the_plan(void** state)
 {
     (void)state;
@@ -418,7 +418,7 @@ static void without_preference_actions_are_uniform_and_independent(void** state)
     at->def.reward_target = at->def.reward_lane = at->def.reward_consistency = 0.0;
     at->def.reward_room = 0.0;
     at->def.iterations = 5; // one of them is the tree's
-    for (uint32_t i = 0; i < planned; ++i) { // far apart: nobody is in another one's path
+    for (uint32_t i = 0; i < planned; ++i) { // far apart: no vehicle is in the path of another one
         (void)stage_add(at, true, 1, 100.0 + 500.0 * i, 0.0, 8.0, i % 2 == 0 ? 0 : 2);
     }
     stage_begin(at);

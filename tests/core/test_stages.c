@@ -193,7 +193,7 @@ static void a_hand_written_decision_reaches_its_lane_and_its_speed(void** state)
     CHECK_NEAR(vehicle.speed, wanted, 0.5);
 }
 
-// One motion with constant acceleration, told in steps of several lengths, is one prediction.
+// One motion with constant acceleration, given in steps of several lengths, is one prediction.
 static void a_decision_may_have_steps_of_any_length(void** state)
 {
     (void)state;
@@ -393,7 +393,7 @@ static void of_the_vehicles_own_track_only_its_size_counts(void** state)
     assert_int_equal(verge_plan_vehicle(one.sampler, &one.scene, own, &one.tracks, NULL, &plan),
                      VERGE_OK);
     same_plan(&plan, &expected);
-    track->half_width = 0.0; // as a track that nobody filled: it would pass through any gap
+    track->half_width = 0.0; // as in a track that was not filled in: it would pass through any gap
     assert_int_equal(verge_plan_vehicle(one.sampler, &one.scene, own, &one.tracks, NULL, &plan),
                      VERGE_ERR_VEHICLE);
 }

@@ -136,7 +136,7 @@ static double idm_by_hand(const verge_planner_def* def, double v, double desired
     return fmax(a, -def->idm_braking_max);
 }
 
-/// Where vehicle j is a step later if it is not told anything.
+/// Where vehicle j is a step later without an action.
 static body later(const stage* at, uint32_t j)
 {
     const vg_flow* flow = &at->root;
@@ -331,7 +331,7 @@ static void who_waits_at_a_lanes_end_sets_off_when_there_is_room_beside(void** s
         vg_flow_moves(&at->scene, &at->root, &moves);
         assert_int_equal((moves.legal[0] >> VERGE_ACCELERATE) & 1, k == 0);
     }
-    stage_clear(at); // and who comes along slows down well before
+    stage_clear(at); // and an approaching vehicle slows down well before
     stage_add(at, true, 0, 250.0, 0.0, 10.0, 1);
     stage_begin(at);
     vg_moves moves;

@@ -71,8 +71,8 @@ typedef struct fixture {
 
 enum { SENDS_ALL = TRANSPORT_SENDS_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES };
 
-/// Sends a message of each kind again and again until the receiver has heard the sender with all
-/// it wants to hear, then lets it fall silent: on DDS the ends have to find each other.
+/// Sends a message of each kind repeatedly until the receiver has got all requested kinds, because
+/// on DDS the ends have to discover each other.
 static void fixture_meet(fixture* f, transport* sender, unsigned receive)
 {
     static transport_message messages[16];
@@ -244,7 +244,7 @@ static void check_filter(fixture f)
     assert_int_equal(collect(&f, messages, 1), 1);
     assert_int_equal(messages[0].kind, TRANSPORT_PLAN);
     assert_int_equal(messages[0].as.plan.vehicle_id, 9);
-    // On DDS what nobody asked for does not even arrive.
+    // On DDS messages that were not requested do not arrive.
     assert_int_equal(transport_statistics(f.receiver).foreign, f.is_dds ? 0 : 2);
     fixture_close(&f);
 }
@@ -302,7 +302,7 @@ static void check_threads(fixture f)
     fixture_close(&f);
 }
 
-/// Two senders are told apart, and each keeps its name.
+/// Two senders are distinguished, and each keeps its name.
 static void check_senders(fixture f)
 {
     static transport_message messages[4];
@@ -412,7 +412,7 @@ static void test_dds_keeps_the_newest_state_of_each_vehicle(void** state)
             assert_int_equal(transport_publish_state(f.sender, &now), 0);
         }
     }
-    nanosleep(&(struct timespec){ .tv_nsec = 500000000 }, NULL); // all there, nobody looked
+    nanosleep(&(struct timespec){ .tv_nsec = 500000000 }, NULL); // all arrived, none was taken
     const uint32_t got = collect(&f, messages, 40);
     assert_true(got >= 4);
     for (uint32_t i = got - 4; i < got; ++i) {
@@ -435,7 +435,7 @@ static void test_dds_gives_the_last_status_to_later_readers(void** state)
     fixture f = { .url = "dds:0", .is_dds = true, .sender = dds_open("dds:0", SENDS_ALL, NULL) };
     transport_publish_status(f.sender, &status);
     const verge_vehicle_plan_t plan = { .vehicle_id = 3 };
-    transport_publish_plan(f.sender, &plan); // this is for those who are there
+    transport_publish_plan(f.sender, &plan); // for readers that exist now
     f.receiver = dds_open("dds:0", TRANSPORT_STATUSES | TRANSPORT_PLANS, NULL);
     assert_int_equal(collect(&f, &message, 1), 1);
     assert_int_equal(message.kind, TRANSPORT_STATUS);
@@ -555,7 +555,7 @@ static void keep_complaint(void* context, const char* line)
     snprintf(complaints + used, sizeof complaints - used, "%s\n", line);
 }
 
-/// Drains until the words were told, for at most ten seconds; publishes meanwhile if asked to.
+/// Drains until the words were logged, for at most ten seconds; publishes meanwhile if requested.
 static bool is_told(transport* bus, const char* words, transport* talker)
 {
     static transport_message messages[16];
@@ -594,7 +594,7 @@ static void test_dds_reports_senders_that_leave_and_missed_deadlines(void** stat
     assert_true(is_told(f.receiver, "left or fell silent, 0 are there", NULL));
     fixture_close(&f);
 
-    // Our senders promise half a second; who asks for more does not hear them, and is told.
+    // Our senders offer half a second. A reader that requires less gets no messages, and logs that.
     deadline.value = "100";
     f.receiver = dds_open("dds:0", TRANSPORT_STATES, &options);
     f.sender = dds_open("dds:0", SENDS_ALL, NULL);
@@ -861,7 +861,7 @@ static void test_a_logs_big_foreign_events_are_skipped(void** state)
     assert_int_equal(stats.foreign, 11); // the image and the marks
 }
 
-// ---------------------------------------------------------------- programs nobody here wrote
+// ---------------------------------------------------------------- programs of LCM
 
 /// Starts one of LCM's own programs, quietly. 127 when it ends: it is not installed.
 static pid_t program_start(const char* const arguments[])

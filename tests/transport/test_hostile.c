@@ -98,7 +98,7 @@ static size_t bad_frame(test_rng* rng, uint8_t* datagram)
     case 7: // a name without an end
         memset(datagram + HEADER, 'A', 500);
         return HEADER + test_rng_below(rng, 500);
-    default: // somebody else's business
+    default: // another protocol
         return frame(datagram, "LIDAR_FRONT", payload, test_rng_below(rng, 3000));
     }
 }

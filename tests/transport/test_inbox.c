@@ -149,14 +149,14 @@ static void test_senders_and_buses_that_are_unknown_own_no_id(void** state)
     inbox_forget_senders(&box);
     assert_int_equal(offer_from(car(1, start + 200 * MS), 0, 78), INBOX_ACCEPTED);
 
-    // Whoever takes over the slot of a forgotten vehicle inherits no sender from it.
+    // A vehicle in the slot of a forgotten one does not get its sender.
     inbox_snapshot(&box, start + 9000 * MS, &view);
     assert_int_equal(offer_from(car(5, start + 9000 * MS), 0, 90), INBOX_ACCEPTED);
     assert_int_equal(offer_from(car(5, start + 9100 * MS), 0, 78), INBOX_ID_TAKEN);
     assert_int_equal(offer_from(car(1, start + 9100 * MS), 0, 90), INBOX_ACCEPTED);
 }
 
-/// What was accepted, offered again by nobody in particular, is accepted: a replay of a recording
+/// Accepted states that are offered again without a sender are accepted: a replay of a recording
 /// sees the same vehicles as the live run.
 static void test_accepted_states_are_accepted_again_without_their_senders(void** state)
 {
@@ -264,7 +264,7 @@ static void test_a_cancellation_is_sent_exactly_once(void** state)
     inbox_snapshot(&box, start + 450 * MS, &view);
     assert_int_equal(view.cancelled_count, 0);
 
-    // Silent from planned to forgotten between two snapshots: it is still told.
+    // Silent from planned to forgotten between two snapshots: the cancellation is still sent.
     inbox_snapshot(&box, start + 5000 * MS, &view);
     assert_int_equal(view.count, 0);
     assert_int_equal(view.cancelled_count, 1);
@@ -489,7 +489,7 @@ static void test_states_off_the_road_and_unknown_target_lanes_are_distinguished(
     assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_OUT_OF_RANGE);
     assert_string_equal(box.fault_field, "target_lane");
 
-    // The same two, heard before the road was this one.
+    // The same two, received before the road was changed to this one.
     s = car(2, start);
     s.y = 30.0;
     offer(s, start);

@@ -217,15 +217,16 @@ static void test_a_link_begins_at_the_state_and_ends_at_its_offset(void** state)
         CHECK_NEAR(first.base[0] + offset * first.shape[0], start.d, 1e-9);
         CHECK_NEAR(first.base[1] + offset * first.shape[1], start.d1, 1e-9);
         CHECK_NEAR(first.base[2] + offset * first.shape[2], start.d2, 1e-9);
-        const vg_row last = vg_leg_row(&leg, leg.by_way ? leg.span / start.s_t + 0.01 : leg.span);
+        const vg_row last =
+            vg_leg_row(&leg, leg.by_distance ? leg.span / start.s_t + 0.01 : leg.span);
         CHECK_SAME_BITS(last.base[0], 0.0);
         CHECK_SAME_BITS(last.shape[0], 1.0);
         for (int i = 1; i < 4; ++i) {
             CHECK_SAME_BITS(last.base[i], 0.0);
             CHECK_SAME_BITS(last.shape[i], 0.0);
         }
-        in_way += leg.by_way;
-        in_time += !leg.by_way;
+        in_way += leg.by_distance;
+        in_time += !leg.by_distance;
     }
     assert_true(!test_rounds_suffice() || (in_way > 0 && in_time > 0));
 }
@@ -240,7 +241,7 @@ static void test_a_link_has_no_joint_at_its_end(void** state)
         start.s_tt = 0.0;
         const double offset = test_rng_between(&rng, -3.5, 3.5);
         const vg_leg leg = leg_make(&start, start.s_t, 3.0, offset);
-        const double end = leg.by_way ? leg.span / start.s_t : leg.span;
+        const double end = leg.by_distance ? leg.span / start.s_t : leg.span;
         const vg_row before = vg_leg_row(&leg, end - 1e-3), after = vg_leg_row(&leg, end + 1e-3);
         const vg_rear r0 = vg_rear_of(&before, offset), r1 = vg_rear_of(&after, offset);
         CHECK_NEAR(r0.d, r1.d, 1e-6);

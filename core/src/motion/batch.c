@@ -1,30 +1,33 @@
-/// See batch.h. One profile, eight end offsets, all instants: the line is looked up once for
-/// the profile, everything per candidate is arithmetic on arrays of eight without branches.
+/// See batch.h. The reference line is looked up once for each profile and instant. The work for
+/// each candidate is arithmetic on arrays of eight, without branches.
 ///
-/// A pair (instant, track) is skipped for all eight where a box that holds everything the eight
-/// bodies, their alert zones and their motion of the last step can reach cannot meet the other
-/// body: for a skipped pair cost and alarm are exactly zero, so pruning changes no result.
+/// A pair (instant, track) is skipped for all eight candidates if a box around the eight bodies,
+/// their alert zones and their motion in the last step cannot touch the other body. For a skipped
+/// pair cost and alarm are exactly zero, so skipping changes no result.
 #include "motion/batch.h"
 
 #include "base/contract.h"
 #include "motion/trailer.h"
 
-typedef struct lanes {
-    double offset[VG_LANES];
-    double x[VG_LANES], y[VG_LANES], c[VG_LANES], s[VG_LANES];         // centre, heading
-    double x0[VG_LANES], y0[VG_LANES];  // one instant before
-    double speed[VG_LANES], swing[VG_LANES];                           // swing: of a corner, [m]
-    double hard[VG_LANES], comfort[VG_LANES], alarm[VG_LANES];
-    double curvature[VG_LANES], heading[VG_LANES], offsets[VG_LANES];
-    double acceleration[VG_LANES], jerk[VG_LANES], obstacle[VG_LANES];
-} lanes;
+/// Eight candidates at one instant, and their sums so far.
+typedef struct candidates {
+    double offset[VG_BATCH_WIDTH];                 // [m] end offset
+    double x[VG_BATCH_WIDTH], y[VG_BATCH_WIDTH];   // [m] centre
+    double c[VG_BATCH_WIDTH], s[VG_BATCH_WIDTH];   // [1] cosine and sine of the heading
+    double x0[VG_BATCH_WIDTH], y0[VG_BATCH_WIDTH]; // [m] centre one instant before
+    double speed[VG_BATCH_WIDTH];                  // [m/s]
+    double swing[VG_BATCH_WIDTH];                  // [m] distance that a corner turns in the step
+    double hard[VG_BATCH_WIDTH], comfort[VG_BATCH_WIDTH], alarm[VG_BATCH_WIDTH];
+    double curvature[VG_BATCH_WIDTH], heading[VG_BATCH_WIDTH], offsets[VG_BATCH_WIDTH];
+    double acceleration[VG_BATCH_WIDTH], jerk[VG_BATCH_WIDTH], obstacle[VG_BATCH_WIDTH];
+} candidates;
 
-/// What all eight can reach, in the line's frame at its point. [m], [m/s]
+/// The box around the eight bodies, in the frame of the line at its point. [m], [m/s]
 typedef struct envelope {
     double ahead_min, ahead_max, left_min, left_max; // of the bodies' centres, now and before
     double slant;   // [1] largest |sine| of a heading against the line
-    double speed;   // largest
-    double swing;
+    double speed;   // [m/s] largest
+    double swing;   // [m] largest
 } envelope;
 
 /// The other body at one instant, with its step before.
@@ -40,14 +43,15 @@ typedef struct scene {
     const vg_limits* limits;
 } scene;
 
-static void lanes_begin(lanes* l, const vg_row* row, const double* offsets, double rear_axle);
-static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* scene);
+static void candidates_begin(candidates* all, const vg_row* row, const double* offsets,
+                             double rear_axle);
+static envelope candidates_move(candidates* restrict all, const vg_row* row, const scene* scene);
 static other other_at(const verge_track* track, uint32_t k);
 static bool out_of_reach(const envelope* e, const vg_reference* line, const scene* scene,
                          const other* o);
-static void lanes_meet(lanes* restrict l, const scene* scene, const other* o);
-static void lanes_end(const lanes* l, const verge_weights* weights, bool in_lane, double* costs,
-                      uint8_t* marks);
+static void candidates_meet(candidates* restrict all, const scene* scene, const other* o);
+static void candidates_end(const candidates* all, const verge_weights* weights, bool in_lane,
+                           double* costs, uint8_t* marks);
 
 void vg_batch_take(vg_batch* batch, vg_arena* arena, const verge_planner_def* def)
 {
@@ -63,78 +67,81 @@ void vg_batch_take(vg_batch* batch, vg_arena* arena, const verge_planner_def* de
 void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_weights* weights,
                   const verge_tracks* tracks, uint32_t own)
 {
-    VERGE_ASSERT(batch->offset_count % VG_LANES == 0);
+    VERGE_ASSERT(batch->offset_count % VG_BATCH_WIDTH == 0);
     VERGE_ASSERT(batch->last < VERGE_POINTS_MAX && batch->start < batch->last);
     const vg_limits* limits = batch->legs[0].limits;
     const scene scene = { vg_alert_zone_of(def, &tracks->of[own], limits->rear_axle),
                           def->clearance, &batch->comfort, limits };
     const uint32_t trailer = vg_trailer_of(tracks, own);
     vg_row rows[VERGE_POINTS_MAX];
-    for (uint32_t p = 0; p < batch->leg_count; p += 1) {
-        for (uint32_t k = batch->start; k <= batch->last; k += 1) {
+    for (uint32_t p = 0; p < batch->leg_count; ++p) {
+        for (uint32_t k = batch->start; k <= batch->last; ++k) {
             rows[k] = vg_leg_row(&batch->legs[p], def->point_s * (k - batch->start));
         }
-        for (uint32_t i = 0; i < batch->offset_count; i += VG_LANES) {
-            lanes l;
-            lanes_begin(&l, &rows[batch->start], batch->offsets + i, limits->rear_axle);
-            for (uint32_t k = batch->start + 1; k <= batch->last; k += 1) {
-                const envelope e = lanes_move(&l, &rows[k], &scene);
-                for (uint32_t j = 0; j < tracks->count; j += 1) {
+        for (uint32_t i = 0; i < batch->offset_count; i += VG_BATCH_WIDTH) {
+            candidates all;
+            candidates_begin(&all, &rows[batch->start], batch->offsets + i, limits->rear_axle);
+            for (uint32_t k = batch->start + 1; k <= batch->last; ++k) {
+                const envelope e = candidates_move(&all, &rows[k], &scene);
+                for (uint32_t j = 0; j < tracks->count; ++j) {
                     const other o = other_at(&tracks->of[j], k);
                     if (j != own && j != trailer && !out_of_reach(&e, &rows[k].line, &scene, &o)) {
-                        lanes_meet(&l, &scene, &o);
+                        candidates_meet(&all, &scene, &o);
                     }
                 }
             }
             const uint32_t at = p * batch->offset_count + i;
-            for (uint32_t k = 0; limits->has_trailer && k < VG_LANES; k += 1) {
-                l.alarm[k] = 1.0; // where the trailer goes, only the exact check knows
+            for (uint32_t k = 0; limits->has_trailer && k < VG_BATCH_WIDTH; ++k) {
+                all.alarm[k] = 1.0; // only the exact check includes the trailer
             }
-            lanes_end(&l, weights, batch->in_lane, batch->costs + at, batch->marks + at);
+            candidates_end(&all, weights, batch->in_lane, batch->costs + at, batch->marks + at);
         }
     }
 }
 
-static void lanes_begin(lanes* l, const vg_row* row, const double* offsets, double rear_axle)
+static void candidates_begin(candidates* all, const vg_row* row, const double* offsets,
+                             double rear_axle)
 {
-    *l = (lanes){ 0 };
-    for (uint32_t i = 0; i < VG_LANES; i += 1) {
+    *all = (candidates){ 0 };
+    for (uint32_t i = 0; i < VG_BATCH_WIDTH; ++i) {
         const vg_rear rear = vg_rear_of(row, offsets[i]);
-        l->offset[i] = offsets[i];
-        l->c[i] = rear.cos_heading;
-        l->s[i] = rear.sin_heading;
-        l->x[i] = rear.x + rear_axle * rear.cos_heading;
-        l->y[i] = rear.y + rear_axle * rear.sin_heading;
+        all->offset[i] = offsets[i];
+        all->c[i] = rear.cos_heading;
+        all->s[i] = rear.sin_heading;
+        all->x[i] = rear.x + rear_axle * rear.cos_heading;
+        all->y[i] = rear.y + rear_axle * rear.sin_heading;
     }
 }
 
-/// On to the next instant: motion, limits and all cost terms but that of the obstacles.
-static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* scene)
+/// Moves the candidates to the next instant: motion, limits and all cost terms but obstacles.
+static envelope candidates_move(candidates* restrict all, const vg_row* row, const scene* scene)
 {
     const vg_row now = *row;
     const vg_comfort comfort = *scene->comfort;
     const vg_limits limits = *scene->limits;
     const double radius = scene->zone.half_length + scene->zone.half_width;
-    double ahead[VG_LANES], left[VG_LANES], ahead0[VG_LANES], left0[VG_LANES], slant[VG_LANES];
-    for (uint32_t i = 0; i < VG_LANES; i += 1) {
-        const vg_rear rear = vg_rear_of(&now, l->offset[i]);
-        const double x0 = l->x[i], y0 = l->y[i], c0 = l->c[i], s0 = l->s[i];
+    double ahead[VG_BATCH_WIDTH], left[VG_BATCH_WIDTH];
+    double ahead0[VG_BATCH_WIDTH], left0[VG_BATCH_WIDTH];
+    double slant[VG_BATCH_WIDTH];
+    for (uint32_t i = 0; i < VG_BATCH_WIDTH; ++i) {
+        const vg_rear rear = vg_rear_of(&now, all->offset[i]);
+        const double x0 = all->x[i], y0 = all->y[i], c0 = all->c[i], s0 = all->s[i];
         const double c = rear.cos_heading, s = rear.sin_heading;
-        l->x0[i] = x0;
-        l->y0[i] = y0;
-        l->c[i] = c;
-        l->s[i] = s;
-        l->x[i] = rear.x + limits.rear_axle * c;
-        l->y[i] = rear.y + limits.rear_axle * s;
-        l->speed[i] = rear.speed;
-        l->swing[i] = radius * (vg_abs(c - c0) + vg_abs(s - s0));
-        l->hard[i] = vg_max(l->hard[i], vg_hard_ratio(&limits, &rear, now.s_t));
-        l->comfort[i] = vg_max(l->comfort[i], vg_comfort_ratio(&comfort, &rear));
-        l->curvature[i] += rear.curvature * rear.curvature;
-        l->heading[i] += vg_heading_square(rear.cos_off, rear.sin_off);
-        l->offsets[i] += rear.d * rear.d;
-        l->acceleration[i] += rear.acceleration * rear.acceleration;
-        l->jerk[i] += rear.jerk * rear.jerk;
+        all->x0[i] = x0;
+        all->y0[i] = y0;
+        all->c[i] = c;
+        all->s[i] = s;
+        all->x[i] = rear.x + limits.rear_axle * c;
+        all->y[i] = rear.y + limits.rear_axle * s;
+        all->speed[i] = rear.speed;
+        all->swing[i] = radius * (vg_abs(c - c0) + vg_abs(s - s0));
+        all->hard[i] = vg_max(all->hard[i], vg_hard_ratio(&limits, &rear, now.s_t));
+        all->comfort[i] = vg_max(all->comfort[i], vg_comfort_ratio(&comfort, &rear));
+        all->curvature[i] += rear.curvature * rear.curvature;
+        all->heading[i] += vg_heading_square(rear.cos_off, rear.sin_off);
+        all->offsets[i] += rear.d * rear.d;
+        all->acceleration[i] += rear.acceleration * rear.acceleration;
+        all->jerk[i] += rear.jerk * rear.jerk;
         const double x = x0 - now.line.x, y = y0 - now.line.y;
         ahead[i] = limits.rear_axle * rear.cos_off;
         left[i] = rear.d + limits.rear_axle * rear.sin_off;
@@ -143,14 +150,14 @@ static envelope lanes_move(lanes* restrict l, const vg_row* row, const scene* sc
         slant[i] = vg_abs(rear.sin_off);
     }
     envelope e = { ahead[0], ahead[0], left[0], left[0], 0.0, 0.0, 0.0 };
-    for (uint32_t i = 0; i < VG_LANES; i += 1) {
+    for (uint32_t i = 0; i < VG_BATCH_WIDTH; ++i) {
         e.ahead_min = vg_min(e.ahead_min, vg_min(ahead[i], ahead0[i]));
         e.ahead_max = vg_max(e.ahead_max, vg_max(ahead[i], ahead0[i]));
         e.left_min = vg_min(e.left_min, vg_min(left[i], left0[i]));
         e.left_max = vg_max(e.left_max, vg_max(left[i], left0[i]));
         e.slant = vg_max(e.slant, slant[i]);
-        e.speed = vg_max(e.speed, l->speed[i]);
-        e.swing = vg_max(e.swing, l->swing[i]);
+        e.speed = vg_max(e.speed, all->speed[i]);
+        e.swing = vg_max(e.swing, all->swing[i]);
     }
     return e;
 }
@@ -165,7 +172,7 @@ static other other_at(const verge_track* track, uint32_t k)
     return o;
 }
 
-/// Conservative: every length below bounds what lanes_meet() measures, in the line's frame.
+/// Conservative: every length below bounds what candidates_meet() measures, in the line's frame.
 static bool out_of_reach(const envelope* e, const vg_reference* line, const scene* scene,
                          const other* o)
 {
@@ -176,7 +183,7 @@ static bool out_of_reach(const envelope* e, const vg_reference* line, const scen
     const double move_left = vg_abs(o->dy * c - o->dx * s);
     const double along = o->c * c + o->s * s, across = vg_abs(o->s * c - o->c * s);
 
-    // D_s with the least speed the other can have along a heading that is off by the slant.
+    // D_s with the lowest speed of the other body along a heading that differs by the slant.
     const double slant = e->slant;
     const vg_alert_zone* zone = &scene->zone;
     const double other_speed = o->speed * (along - 2.0 * slant);
@@ -198,57 +205,58 @@ static bool out_of_reach(const envelope* e, const vg_reference* line, const scen
          | (left + reach_left < e->left_min - side);
 }
 
-/// Obstacle cost and collision alarm of one track. The alarm is a swept test on the two axes of
-/// the own body: on the way from the instant before, do the shadows on both axes meet?
-static inline void meet(lanes* restrict l, const scene* scene, const other* track,
-                        bool continuous)
+/// Obstacle cost and collision alarm of one track. The alarm is a swept test on the two axes of the
+/// own body: do the projections on both axes overlap during the step?
+static inline void meet_track(candidates* restrict all, const scene* scene, const other* track,
+                              bool continuous)
 {
     const other o = *track;
     vg_alert_zone zone = scene->zone;
     zone.continuous = continuous;
     const double guard = scene->clearance + o.swing;
-    for (uint32_t i = 0; i < VG_LANES; i += 1) {
-        const double c = l->c[i], s = l->s[i];
-        const double x = o.x - l->x[i], y = o.y - l->y[i];
+    for (uint32_t i = 0; i < VG_BATCH_WIDTH; ++i) {
+        const double c = all->c[i], s = all->s[i];
+        const double x = o.x - all->x[i], y = o.y - all->y[i];
         const double ahead = x * c + y * s, left = y * c - x * s;
         const double along = o.c * c + o.s * s, across = vg_abs(o.s * c - o.c * s);
         const double reach_ahead = o.half_length * vg_abs(along) + o.half_width * across;
         const double reach_left = o.half_length * across + o.half_width * vg_abs(along);
-        l->obstacle[i] += vg_alert_term(&zone, ahead, left, reach_ahead, reach_left, l->speed[i],
-                                        o.speed * along);
+        all->obstacle[i] += vg_alert_term(&zone, ahead, left, reach_ahead, reach_left,
+                                          all->speed[i], o.speed * along);
 
-        const double dx = 0.5 * (o.dx - (l->x[i] - l->x0[i]));
-        const double dy = 0.5 * (o.dy - (l->y[i] - l->y0[i]));
+        const double dx = 0.5 * (o.dx - (all->x[i] - all->x0[i]));
+        const double dy = 0.5 * (o.dy - (all->y[i] - all->y0[i]));
         const double half_ahead = dx * c + dy * s, half_left = dy * c - dx * s;
-        const double free = guard + l->swing[i];
+        const double free = guard + all->swing[i];
         const double gap_ahead = vg_abs(ahead - half_ahead) - vg_abs(half_ahead) - reach_ahead
                                - zone.half_length - free;
         const double gap_left = vg_abs(left - half_left) - vg_abs(half_left) - reach_left
                               - zone.half_width - free;
-        l->alarm[i] = vg_max(gap_ahead, gap_left) <= 0.0 ? 1.0 : l->alarm[i];
+        all->alarm[i] = vg_max(gap_ahead, gap_left) <= 0.0 ? 1.0 : all->alarm[i];
     }
 }
 
-static void lanes_meet(lanes* restrict l, const scene* scene, const other* o)
+static void candidates_meet(candidates* restrict all, const scene* scene, const other* o)
 {
     if (scene->zone.continuous) {
-        meet(l, scene, o, true);
+        meet_track(all, scene, o, true);
     } else {
-        meet(l, scene, o, false);
+        meet_track(all, scene, o, false);
     }
 }
 
-static void lanes_end(const lanes* l, const verge_weights* weights, bool in_lane, double* costs,
-                      uint8_t* marks)
+static void candidates_end(const candidates* all, const verge_weights* weights, bool in_lane,
+                           double* costs, uint8_t* marks)
 {
-    for (uint32_t i = 0; i < VG_LANES; i += 1) {
-        costs[i] = weights->curvature * l->curvature[i] + weights->heading * l->heading[i]
-                 + weights->offset * (in_lane ? l->offsets[i] : 0.0)
-                 + weights->acceleration * l->acceleration[i] + weights->jerk * l->jerk[i]
-                 + weights->obstacle * l->obstacle[i];
-        // Negated comparisons: what is not a number is infeasible.
-        marks[i] = (uint8_t)((l->alarm[i] > 0.0 ? VG_ALARM : 0)
-                             | (!(l->comfort[i] <= 1.0) ? VG_UNCOMFORTABLE : 0)
-                             | (!(l->hard[i] <= 1.0) || !vg_finite(costs[i]) ? VG_INFEASIBLE : 0));
+    for (uint32_t i = 0; i < VG_BATCH_WIDTH; ++i) {
+        costs[i] = weights->curvature * all->curvature[i] + weights->heading * all->heading[i]
+                 + weights->offset * (in_lane ? all->offsets[i] : 0.0)
+                 + weights->acceleration * all->acceleration[i] + weights->jerk * all->jerk[i]
+                 + weights->obstacle * all->obstacle[i];
+        // Negated comparisons: NaN is infeasible.
+        marks[i] =
+            (uint8_t)((all->alarm[i] > 0.0 ? VG_ALARM : 0)
+                      | (!(all->comfort[i] <= 1.0) ? VG_UNCOMFORTABLE : 0)
+                      | (!(all->hard[i] <= 1.0) || !vg_finite(costs[i]) ? VG_INFEASIBLE : 0));
     }
 }

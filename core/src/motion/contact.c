@@ -1,4 +1,4 @@
-/// See contact.h. A circle test throws out nearly everything; the rest is cut into parts.
+/// See contact.h. A circle test excludes most pairs; for the others a step is divided into parts.
 #include "motion/contact.h"
 
 #include "base/contract.h"
@@ -9,11 +9,11 @@ static bool step_touches(const verge_track* a, const verge_track* b, double clea
 static double turn_of(const verge_track* track, uint32_t k);
 static vg_rectangle body_between(const verge_track* track, uint32_t k, double share);
 
-uint32_t vg_contact_first(const verge_track* a, const verge_track* b, double clearance, uint32_t from,
-                          uint32_t to)
+uint32_t vg_contact_first(const verge_track* a, const verge_track* b, double clearance,
+                          uint32_t from, uint32_t to)
 {
     VERGE_ASSERT(to < VERGE_POINTS_MAX);
-    for (uint32_t k = from + 1; k <= to; k += 1) {
+    for (uint32_t k = from + 1; k <= to; ++k) {
         if (!step_is_far(a, b, clearance, k) && step_touches(a, b, clearance, k)) {
             return k;
         }
@@ -37,12 +37,12 @@ uint32_t vg_contact_new(const verge_track* a, const verge_track* b, double clear
     }
     uint32_t apart = 0;
     while (apart <= to && vg_contact_at(a, b, 0.0, apart)) {
-        apart += 1;
+        ++apart;
     }
     return apart > to ? to + 1 : vg_contact_first(a, b, 0.0, apart, to);
 }
 
-/// The coarse filter: circles around both bodies and all they pass through in the step.
+/// The coarse filter: circles around both bodies and around their motion in the step.
 static bool step_is_far(const verge_track* a, const verge_track* b, double clearance, uint32_t k)
 {
     const double x = b->x[k] - a->x[k], y = b->y[k] - a->y[k];
@@ -54,12 +54,12 @@ static bool step_is_far(const verge_track* a, const verge_track* b, double clear
 
 static bool step_touches(const verge_track* a, const verge_track* b, double clearance, uint32_t k)
 {
-    // Half of what the bodies move against each other in one part, corners included.
+    // `grow` includes half of the relative motion in one part, that of the corners included.
     const double x = (b->x[k] - b->x[k - 1]) - (a->x[k] - a->x[k - 1]);
     const double y = (b->y[k] - b->y[k - 1]) - (a->y[k] - a->y[k - 1]);
     const double motion = vg_sqrt(x * x + y * y) + turn_of(a, k) + turn_of(b, k);
     const double grow = clearance + 0.5 * motion / VG_CONTACT_PARTS;
-    for (uint32_t part = 0; part <= VG_CONTACT_PARTS; part += 1) {
+    for (uint32_t part = 0; part <= VG_CONTACT_PARTS; ++part) {
         const double share = (double)part / VG_CONTACT_PARTS;
         vg_rectangle body = body_between(a, k, share);
         const vg_rectangle other = body_between(b, k, share);
@@ -72,7 +72,7 @@ static bool step_touches(const verge_track* a, const verge_track* b, double clea
     return false;
 }
 
-/// How far a corner swings in the step, at most. [m]
+/// Upper bound of the distance that a corner moves by turning in the step. [m]
 static double turn_of(const verge_track* track, uint32_t k)
 {
     return (track->half_length + track->half_width)
@@ -80,7 +80,7 @@ static double turn_of(const verge_track* track, uint32_t k)
             + vg_abs(track->sin_heading[k] - track->sin_heading[k - 1]));
 }
 
-/// The body at a share of the way from sample k - 1 to sample k.
+/// The body at a share of the step from sample k - 1 to sample k.
 static vg_rectangle body_between(const verge_track* track, uint32_t k, double share)
 {
     const uint32_t j = k > 0 ? k - 1 : 0;

@@ -1,5 +1,5 @@
-/// See cost.h: the straight form. The fast one, for eight candidates at a time, is batch.c; a
-/// test holds them together.
+/// See cost.h. This is the simple form. batch.c is the fast form for eight candidates at a time; a
+/// test compares both.
 #include "motion/cost.h"
 #include "motion/trailer.h"
 
@@ -31,7 +31,7 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
     const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own], leg->limits->rear_axle);
     const uint32_t trailer = vg_trailer_of(tracks, own);
     verge_cost cost = { 0 };
-    for (uint32_t k = start + 1; k <= last; k += 1) {
+    for (uint32_t k = start + 1; k <= last; ++k) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
         const vg_rear rear = vg_rear_of(&row, offset);
         cost.curvature += vg_square(rear.curvature);
@@ -39,7 +39,7 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
         cost.offset += in_lane ? vg_square(rear.d) : 0.0;
         cost.acceleration += vg_square(rear.acceleration);
         cost.jerk += vg_square(rear.jerk);
-        for (uint32_t j = 0; j < tracks->count; j += 1) {
+        for (uint32_t j = 0; j < tracks->count; ++j) {
             cost.obstacle += j == own || j == trailer
                                  ? 0.0 : vg_alert_cost(&zone, &rear, &tracks->of[j], k);
         }

@@ -1,6 +1,6 @@
-/// The cost of a trajectory (section 3.2.3, Eq. 7 to 9): sums over its points, without the one
-/// at t = 0 that no candidate can change. Curvature, acceleration and jerk are those of the rear
-/// axle, the planning point; the alert zone lies around the body.
+/// The cost of a trajectory (section 3.2.3, Eq. 7 to 9): sums over its points, without the point at
+/// t = 0, which is the same for all candidates. Curvature, acceleration and jerk are those of the
+/// rear axle; the alert zone lies around the body.
 #ifndef VG_COST_H
 #define VG_COST_H
 
@@ -21,13 +21,13 @@ typedef struct vg_alert_zone {
     bool   continuous;               ///< the variant that is 0 at the zone's edge
 } vg_alert_zone;
 
-/// A zone edge nearer than this is taken at this distance in the continuous variant. [m]
+/// Smallest distance of the edge of the zone in the continuous variant. [m]
 #define VG_ALERT_EDGE_MIN 0.5
 
 /// J_obs(t, j) of one other body at one instant. (ahead, left) is its centre in the frame of the
 /// own body, (reach_ahead, reach_left) the half sides of the box in that frame that holds it,
-/// other_speed its speed along the own heading. A body that touches costs as one at distance 0;
-/// that collisions are not acceptable is the collision check's business.
+/// other_speed its speed along the own heading. A body that touches costs as much as one at
+/// distance 0; the collision check rejects it.
 static inline double vg_alert_term(const vg_alert_zone* zone, double ahead, double left,
                                    double reach_ahead, double reach_left, double speed,
                                    double other_speed)
@@ -61,7 +61,7 @@ static inline double vg_heading_square(double cosine, double sine)
     return 4.0 * u * atan * atan;
 }
 
-/// J_obs(t, j) for a body with its motion and a track at instant `index`, written straight.
+/// J_obs(t, j) for the motion of a body and a track at instant `index`, in the simple form.
 double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const verge_track* other,
                      uint32_t index);
 

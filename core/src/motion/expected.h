@@ -1,5 +1,5 @@
-/// A vehicle's decision in the coordinates of the traffic model: the state expected at the end of
-/// each step, looked up on the road once.
+/// The decision of a vehicle in the coordinates of the traffic model: the state expected at the end
+/// of each step, with the properties of the road there.
 #ifndef VG_EXPECTED_H
 #define VG_EXPECTED_H
 
@@ -29,8 +29,8 @@ typedef struct vg_expected {
     vg_expected_state states[VERGE_STEPS_MAX + 1];
 } vg_expected;
 
-/// False where the decision cannot be used: an unknown lane or action, a value that is not finite or
-/// out of range, steps that do not follow one another from t0 = 0 on, none, or more than
+/// False where the decision cannot be used: an unknown lane or action, a value that is not finite
+/// or out of range, steps that do not follow one another from t0 = 0 on, none, or more than
 /// VERGE_STEPS_MAX. The vehicle is on the road.
 bool vg_expected_from(vg_expected* expected, const verge_scene* scene, uint32_t vehicle_index,
                       const verge_vehicle_decision* decision);

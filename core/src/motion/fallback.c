@@ -1,10 +1,10 @@
-/// What is driven when no sampled trajectory is acceptable: first gentle slowing down in the
-/// lane (its lowest level is to drive on), then braking up to 8 m/s^2. The first one that meets
-/// nobody is taken, else the one that meets somebody latest, and at the lowest speed. Who is in
-/// the rear of another one already brakes to a standstill unless that one draws away.
+/// The fallback, for a vehicle without an acceptable sampled trajectory: first gentle deceleration
+/// in the lane (the lowest level keeps the speed), then braking of up to 8 m/s^2. The first one
+/// without contact is taken, else the one with the latest contact, and of these the slowest. A
+/// vehicle that overlaps a body in front brakes to a standstill unless that body moves away.
 ///
-/// All of them limit their jerk, end at rest or at constant speed, and move towards the centre of
-/// the lane no faster than the steering follows; off the road they go straight ahead.
+/// All of them limit their jerk, end at standstill or at constant speed, and move towards the
+/// centre of the lane within the steering limits. Off the road they are straight.
 #include "motion/contact.h"
 #include "base/contract.h"
 #include "motion/target.h"
@@ -15,22 +15,21 @@
 /// dry road (reference car: 11.5 at the very most).
 static const double keep_levels[] = { 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0 };
 static const double brake_levels[] = { 3.0, 5.0, 6.5, 8.0 };
-/// The lateral way to the centre takes at least this long. [s]
-#define CENTRING_S 3.0
+/// Shortest duration of the lateral motion to the centre of the lane. [s]
+static const double centring_s = 3.0;
 #define LEVELS(levels) (sizeof(levels) / sizeof(levels)[0])
-/// Sub-steps per point of the limit check.
-#define LIMIT_PARTS 10
+enum { limit_parts = 10 }; // parts of a step in the limit check
 
-/// Deceleration that a dead end may still ask for after the horizon. [m/s^2] dry road
-#define DEAD_END_BRAKING 8.0
-/// A body in front that overlaps may come nearer by as much. [m]
-#define PRESS_SLACK 1e-3
+/// Braking that may be needed after the horizon before the end of a lane, on a dry road. [m/s^2]
+static const double dead_end_braking = 8.0;
+/// An overlap with a body in front may grow by this much. [m]
+static const double overlap_tolerance = 1e-3;
 
-/// How good a fallback is. Lexicographic.
+/// The criteria of a fallback, the most important one first.
 typedef struct verdict {
-    bool     clear;   // of bodies and dead ends
-    bool     holds;   // the body's limits
-    bool     stays;   // on its lane, which ends
+    bool     clear;   // no contact, and braking before the end of the lane is possible
+    bool     holds;   // the limits of the body
+    bool     stays;   // does not drive over the end of its lane
     uint32_t contact; // instant of the first contact
     double   speed;   // then, or at the horizon where it does not stay
 } verdict;
@@ -39,9 +38,9 @@ static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_stat
 static void straight_path(vg_path* path, const vg_motion* from);
 static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_path* path,
                            const vg_state* state, double level, double jerk);
-static verdict judge(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
-                     const vg_leg* leg, double braking);
-static bool presses(const verge_track* body, const verge_track* other, uint32_t last);
+static verdict evaluate(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
+                        const vg_leg* leg, double braking);
+static bool overlap_grows(const verge_track* body, const verge_track* other, uint32_t last);
 static bool better(const verdict* a, const verdict* b);
 
 void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
@@ -55,7 +54,7 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_track
     verdict best = { 0 };
     vg_leg best_leg;
     bool best_brakes = true;
-    for (uint32_t i = from; i < LEVELS(keep_levels) + LEVELS(brake_levels) && !best.clear; i += 1) {
+    for (uint32_t i = from; i < LEVELS(keep_levels) + LEVELS(brake_levels) && !best.clear; ++i) {
         const bool brakes = i >= LEVELS(keep_levels);
         const double level = brakes ? brake_levels[i - LEVELS(keep_levels)] : keep_levels[i];
         if (!brakes && level > def->comfort_braking) {
@@ -63,8 +62,8 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_track
         }
         const double jerk = brakes ? VG_JERK_MAX : vg_min(def->comfort_jerk, VG_JERK_MAX);
         const vg_leg leg = fallback_leg(job, &ws->limits, path, &state, level, jerk);
-        const double later = brakes ? DEAD_END_BRAKING : def->comfort_braking;
-        const verdict now = judge(ws, job, tracks, &leg, later);
+        const double later = brakes ? dead_end_braking : def->comfort_braking;
+        const verdict now = evaluate(ws, job, tracks, &leg, later);
         if (i == from || better(&now, &best) || (ws->blocking != 0 && now.holds)) {
             best = now;
             best_leg = leg;
@@ -104,7 +103,7 @@ static void straight_path(vg_path* path, const vg_motion* from)
     path->knot_spacing = 100.0;
     path->start = -100.0;
     path->anchor = 0;
-    for (uint32_t i = 0; i < path->knot_count; i += 1) {
+    for (uint32_t i = 0; i < path->knot_count; ++i) {
         const double s = path->start + path->knot_spacing * i;
         path->x[i] = from->x + s * cosine;
         path->y[i] = from->y + s * sine;
@@ -117,62 +116,63 @@ static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_
 {
     vg_leg leg = { .path = path, .limits = limits,
                    .profile = vg_profile_braking(state, level, jerk) };
-    vg_leg_link(&leg, state, vg_max(CENTRING_S, job->def->point_s * (job->def->points - 1)), 0.0);
+    vg_leg_link(&leg, state, vg_max(centring_s, job->def->point_s * (job->def->points - 1)), 0.0);
     return leg;
 }
 
-/// braking: what a dead end may ask for after the horizon. [m/s^2]
-static verdict judge(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
-                     const vg_leg* leg, double braking)
+/// braking: largest braking that may be needed after the horizon before the end of the lane.
+/// [m/s^2]
+static verdict evaluate(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
+                        const vg_leg* leg, double braking)
 {
     const verge_planner_def* def = job->def;
     const uint32_t last = def->points - 1;
     verdict v = { .holds = true, .contact = last + 1 };
-    for (uint32_t i = 1; i <= last * LIMIT_PARTS && v.holds; i += 1) {
-        const vg_row row = vg_leg_row(leg, def->point_s * i / LIMIT_PARTS);
+    for (uint32_t i = 1; i <= last * limit_parts && v.holds; ++i) {
+        const vg_row row = vg_leg_row(leg, def->point_s * i / limit_parts);
         const vg_rear rear = vg_rear_of(&row, 0.0);
         v.holds = vg_hard_ratio(leg->limits, &rear, row.s_t) <= 1.0;
     }
     vg_workspace_drive(ws, def, leg, 0.0, 0, last);
-    bool pressed = false;
+    bool grows = false;
     const uint32_t trailer = vg_trailer_of(tracks, job->track_index);
-    for (uint32_t j = 0; j < tracks->count; j += 1) {
+    for (uint32_t j = 0; j < tracks->count; ++j) {
         if (j != job->track_index && j != trailer) {
-            for (uint32_t i = 0; i < vg_workspace_bodies(ws); i += 1) {
+            for (uint32_t i = 0; i < vg_workspace_bodies(ws); ++i) {
                 const uint32_t k = vg_contact_new(vg_workspace_body(ws, i), &tracks->of[j], 0.0,
                                                   last);
                 v.contact = k < v.contact ? k : v.contact;
             }
-            pressed |= (ws->blocking >> j & 1) != 0
-                    && presses(&ws->body, &tracks->of[j], last);
+            grows |= (ws->blocking >> j & 1) != 0
+                    && overlap_grows(&ws->body, &tracks->of[j], last);
         }
     }
     const vg_lane* lane = job->on_road ? &job->road->lanes[job->lane] : NULL;
     const bool ends = lane != NULL && lane->dead_end;
-    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, DEAD_END_BRAKING);
+    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, dead_end_braking);
     v.speed = ws->body.speed[v.contact <= last && v.stays ? v.contact : last];
     const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, braking);
-    v.clear = v.holds && v.contact > last && easily && !pressed;
+    v.clear = v.holds && v.contact > last && easily && !grows;
     return v;
 }
 
-/// Does the body go deeper into one in front that it overlaps from the start?
-static bool presses(const verge_track* body, const verge_track* other, uint32_t last)
+/// Does the overlap with a body in front grow?
+static bool overlap_grows(const verge_track* body, const verge_track* other, uint32_t last)
 {
     double first = 0.0;
-    for (uint32_t k = 0; k <= last && vg_contact_at(body, other, 0.0, k); k += 1) {
+    for (uint32_t k = 0; k <= last && vg_contact_at(body, other, 0.0, k); ++k) {
         const double ahead = (other->x[k] - body->x[k]) * body->cos_heading[k]
                            + (other->y[k] - body->y[k]) * body->sin_heading[k];
         first = k == 0 ? ahead : first;
-        if (ahead < first - PRESS_SLACK) {
+        if (ahead < first - overlap_tolerance) {
             return true;
         }
     }
     return false;
 }
 
-/// Staying on a lane that ends counts more than a contact: braking for it, whoever is hit is hit
-/// from behind by one who can brake, too. Where neither stays, the slower one is better.
+/// Staying on a lane that ends outranks avoiding a contact: the vehicle behind can brake as well.
+/// If neither fallback stays on the lane, the slower one is better.
 static bool better(const verdict* a, const verdict* b)
 {
     if (a->clear != b->clear) {

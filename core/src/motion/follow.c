@@ -2,42 +2,42 @@
 #include "motion/follow.h"
 #include "motion/trailer.h"
 
-/// Bodies slower than this are waited for whichever way they point. [m/s]
-#define STANDING 0.5
-/// Cosine of the angle within which another heading is the same way: 60 degrees.
-#define SAME_WAY 0.5
-/// Nobody farther ahead than this beyond what own braking needs has to be looked at. [m]
-#define LOOK_BEYOND 30.0
-/// The shortest stop. [s]
-#define STOP_MIN 1e-2
+/// Bodies slower than this stand: their heading does not matter. [m/s]
+static const double standing = 0.5;
+/// Cosine of the angle up to which another heading is the same direction: 60 degrees. [1]
+static const double same_direction = 0.5;
+/// Bodies farther ahead than the own stopping distance and this are ignored. [m]
+static const double reach_reserve = 30.0;
+/// Shortest duration of a stop. [s]
+static const double stop_min = 1e-2;
 
-static double room_behind(const vg_following* f, const vg_state* from, const verge_track* other,
-                          double reach, double* speed);
-static double end_speed(double room, double leader, const vg_state* from, double T, double b);
-static double stop_within(double room, const vg_state* from, double T);
+static double distance_behind(const vg_following* f, const vg_state* from, const verge_track* other,
+                              double reach, double* speed);
+static double end_speed(double distance, double leader, const vg_state* from, double T, double b);
+static double stop_within(double distance, const vg_state* from, double T);
 
 double vg_follow_speed(const vg_following* f, const vg_state* from, double braking)
 {
     const double v = from->s_t;
-    const double reach = v * f->T + v * v / (2.0 * braking) + LOOK_BEYOND;
+    const double reach = v * f->T + v * v / (2.0 * braking) + reach_reserve;
     double least = VG_HUGE;
-    for (uint32_t j = 0; j < f->tracks->count; j += 1) {
+    for (uint32_t j = 0; j < f->tracks->count; ++j) {
         if (j == f->own || j == vg_trailer_of(f->tracks, f->own)) {
             continue;
         }
         double leader = 0.0;
-        const double room = room_behind(f, from, &f->tracks->of[j], reach, &leader);
-        if (room < VG_HUGE) {
-            least = vg_min(least, end_speed(room, leader, from, f->T, braking));
+        const double distance = distance_behind(f, from, &f->tracks->of[j], reach, &leader);
+        if (distance < VG_HUGE) {
+            least = vg_min(least, end_speed(distance, leader, from, f->T, braking));
         }
     }
     return least;
 }
 
-/// Way [m] up to the gap behind another body at the end of the segment, and its speed then along
-/// the path; VG_HUGE: it is not ahead in the path.
-static double room_behind(const vg_following* f, const vg_state* from, const verge_track* other,
-                          double reach, double* speed)
+/// Distance up to the gap behind another body at the end of the segment [m], and the speed of that
+/// body along the path at that time; VG_HUGE: the body is not ahead in the path.
+static double distance_behind(const vg_following* f, const vg_state* from, const verge_track* other,
+                              double reach, double* speed)
 {
     const verge_track* own = &f->tracks->of[f->own];
     const vg_reference here = vg_path_at(f->path, from->s);
@@ -59,32 +59,32 @@ static double room_behind(const vg_following* f, const vg_state* from, const ver
     const double reach_ahead = other->half_length * vg_abs(along) + other->half_width * across;
     const double v = other->speed[f->last];
     if (vg_abs(d) > own->half_width + reach_left + f->clearance
-        || (along < SAME_WAY && v > STANDING)) {
+        || (along < same_direction && v > standing)) {
         return VG_HUGE;
     }
     *speed = v * vg_max(along, 0.0);
     return s - reach_ahead - f->gap - (from->s + f->rear_axle + own->half_length);
 }
 
-/// Solves v^2 - leader^2 = 2 b (room - way) for the end speed v, where a profile to v is
-/// way = T (v0 + v) / 2 + T^2 a0 / 12 long (kinematics.h).
-static double end_speed(double room, double leader, const vg_state* from, double T, double b)
+/// Solves v^2 - leader^2 = 2 b (distance - driven) for the end speed v. A profile to v has the
+/// length driven = T (v0 + v) / 2 + T^2 a0 / 12 (kinematics.h).
+static double end_speed(double distance, double leader, const vg_state* from, double T, double b)
 {
-    const double rest = room - T * (0.5 * from->s_t + T * from->s_tt / 12.0);
+    const double rest = distance - T * (0.5 * from->s_t + T * from->s_tt / 12.0);
     const double c = leader * leader + 2.0 * b * rest;
     if (c >= 0.0) {
         return 2.0 * c / (b * T + vg_sqrt(b * b * T * T + 4.0 * c));
     }
-    return from->s_t * (1.0 - T / stop_within(room + leader * leader / (2.0 * b), from, T));
+    return from->s_t * (1.0 - T / stop_within(distance + leader * leader / (2.0 * b), from, T));
 }
 
-/// Time of a stop that is `room` long, at most T: solves room = t v0 / 2 + t^2 a0 / 12.
-static double stop_within(double room, const vg_state* from, double T)
+/// Duration of a stop of this length, at most T: solves distance = t v0 / 2 + t^2 a0 / 12.
+static double stop_within(double distance, const vg_state* from, double T)
 {
     const double v = 0.5 * from->s_t;
-    const double under = v * v + from->s_tt * room / 3.0;
-    if (room <= 0.0 || v <= 0.0) {
-        return STOP_MIN;
+    const double under = v * v + from->s_tt * distance / 3.0;
+    if (distance <= 0.0 || v <= 0.0) {
+        return stop_min;
     }
-    return under < 0.0 ? T : vg_clamp(2.0 * room / (v + vg_sqrt(under)), STOP_MIN, T);
+    return under < 0.0 ? T : vg_clamp(2.0 * distance / (v + vg_sqrt(under)), stop_min, T);
 }

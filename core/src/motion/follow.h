@@ -1,6 +1,6 @@
-/// Keeping a distance: how fast a segment may end behind the bodies that are ahead in its path,
-/// so that a comfortable braking ends def->idm_gap behind the nearest of them. The alert zone of
-/// Eq. 8 cannot do that: its depth D_s (Eq. 2) vanishes at standstill.
+/// Distance keeping: the highest end speed of a segment from which comfortable braking ends
+/// def->idm_gap behind the nearest body ahead in the path. The alert zone of Eq. 8 does not ensure
+/// this: its depth D_s (Eq. 2) is 0 at standstill.
 #ifndef VG_FOLLOW_H
 #define VG_FOLLOW_H
 
@@ -11,24 +11,26 @@
 extern "C" {
 #endif
 
-/// Braking a vehicle counts on behind others. [m/s^2] what adaptive cruise controls do at ease
+/// Braking assumed behind other vehicles: comfortable braking of an adaptive cruise control.
+/// [m/s^2]
 #define VG_FOLLOW_BRAKING 2.0
 
-/// One segment for which a distance is kept.
+/// The inputs for one segment.
 typedef struct vg_following {
     const vg_path*   path;
     const verge_tracks* tracks;
     uint32_t own;          ///< index of the own track
     double   rear_axle;    ///< [m] behind the own centre
-    uint32_t start, last;  ///< instants of the trajectory the segment lies between
-    double   T;            ///< [s] its length
-    double   gap;          ///< [m] bumper to bumper at standstill
-    double   clearance;    ///< [m] to both sides within which a body is in the path
+    uint32_t start, last;  ///< first and last instant of the segment in the trajectory
+    double   T;            ///< [s] duration of the segment
+    double   gap;          ///< [m] between the bodies at standstill
+    double   clearance;    ///< [m] lateral gap below which a body is in the path
 } vg_following;
 
-/// Highest end speed [m/s] from which braking [m/s^2] keeps the gap to everyone who is ahead at
-/// the segment's start, goes the same way or stands, and is in the path at its end. Below zero:
-/// the vehicle has to stop earlier, after T v0 / (v0 - speed). VG_HUGE: nobody is near.
+/// Highest end speed [m/s] from which braking [m/s^2] keeps the gap to all bodies that are ahead at
+/// the start of the segment, are in the path at its end, and stand or move in the same direction.
+/// Below zero: the vehicle has to stop earlier, after T v0 / (v0 - speed). VG_HUGE: no body is
+/// near.
 double vg_follow_speed(const vg_following* following, const vg_state* from, double braking);
 
 #ifdef __cplusplus

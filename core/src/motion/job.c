@@ -14,16 +14,16 @@ static const double track_max = 1e8;
 static const double size_slack = 1e-6;
 // No vehicle steers as sharply as this: such a curvature of the last trajectory is not used. [1/m]
 static const double curvature_max = 100.0;
-// A vehicle this near to its last trajectory follows it. [m]
-static const double on_plan = 0.3;
-// Deceleration beyond which the brake lights are on: more than lifting the foot does. [m/s^2]
+// A vehicle nearer than this to its last trajectory follows it. [m]
+static const double on_plan_distance = 0.3;
+// Deceleration above which the brake lights are on: more than engine braking. [m/s^2]
 static const double brake_light_from = 0.8;
 
 static double known_curvature(const verge_planner_def* def, const verge_vehicle* v, int64_t utime,
                               const verge_vehicle_plan* before);
 static bool on_trajectory(const verge_vehicle* v, const verge_vehicle_plan* before, uint32_t k);
-static void finish_change(const vg_expected* expected, int64_t utime, const verge_vehicle_plan* before,
-                          vg_job* job);
+static void finish_change(const vg_expected* expected, int64_t utime,
+                          const verge_vehicle_plan* before, vg_job* job);
 static void brake_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,
                            verge_vehicle_plan* plan);
 
@@ -70,9 +70,9 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
     return true;
 }
 
-// Where the yaw rate says nothing (below 2 m/s, or not measured) a vehicle that is where its last
-// trajectory wanted it is taken to steer as that trajectory did: without this a vehicle that crawls
-// through a bend would be planned straight ahead again and again.
+// Curvature of the vehicle's path at t = 0. Below 2 m/s, or without a measured yaw rate, it is that
+// of the last trajectory if the vehicle follows it. Otherwise a vehicle in a bend at low speed
+// would be planned straight ahead in every cycle.
 static double known_curvature(const verge_planner_def* def, const verge_vehicle* v, int64_t utime,
                               const verge_vehicle_plan* before)
 {
@@ -98,12 +98,12 @@ static bool on_trajectory(const verge_vehicle* v, const verge_vehicle_plan* befo
         return false;
     }
     const double dx = before->points[k].x - v->x, dy = before->points[k].y - v->y;
-    return dx * dx + dy * dy < on_plan * on_plan;
+    return dx * dx + dy * dy < on_plan_distance * on_plan_distance;
 }
 
-// A lane change that a vehicle on its last trajectory is in the middle of goes on.
-static void finish_change(const vg_expected* expected, int64_t utime, const verge_vehicle_plan* before,
-                          vg_job* job)
+// Continues a lane change in progress of a vehicle that follows its last trajectory.
+static void finish_change(const vg_expected* expected, int64_t utime,
+                          const verge_vehicle_plan* before, vg_job* job)
 {
     if (before == NULL) {
         return;
@@ -117,7 +117,7 @@ static void finish_change(const vg_expected* expected, int64_t utime, const verg
     }
 }
 
-// On no lane there is nothing to decide: the vehicle slows down where it is.
+// Actions of a vehicle on no lane: it decelerates.
 static void brake_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,
                            verge_vehicle_plan* plan)
 {
@@ -138,8 +138,8 @@ static void brake_off_road(const verge_planner_def* def, const verge_vehicle* ve
     }
 }
 
-// The lane that a job wanted to change to and its trajectory does change to: where no candidate for
-// the change is acceptable, the vehicle keeps its lane.
+// The lane to which the trajectory changes, if it does. If no candidate for a lane change was
+// acceptable, the vehicle keeps its lane.
 static int32_t lane_changed_to(const vg_job* job, const verge_vehicle_plan* plan)
 {
     if (plan->status != VERGE_PLANNED || job->change_lane < 0) {
@@ -147,11 +147,12 @@ static int32_t lane_changed_to(const vg_job* job, const verge_vehicle_plan* plan
     }
     const int32_t lane = job->road->lanes[job->change_lane].id;
     const verge_point* end = &plan->points[plan->point_count - 1u];
-    const verge_lane_position at = verge_road_project(job->road, end->x, end->y, end->heading, lane);
+    const verge_lane_position at =
+        verge_road_project(job->road, end->x, end->y, end->heading, lane);
     return at.contained && verge_road_continues(job->road, lane, at.lane_id) ? lane : VERGE_NO_LANE;
 }
 
-// The lights show what the trajectory does, not only what the decision is called.
+// Brake lights depend on the deceleration of the trajectory, not only on the decided action.
 static void set_brake_lights(verge_vehicle_plan* plan)
 {
     for (uint32_t t = 0; t < plan->action_count; ++t) {
@@ -169,7 +170,7 @@ void vg_job_end(const vg_job* job, const vg_workspace* workspace, verge_vehicle_
 {
     set_brake_lights(plan);
     plan->change_lane_id = lane_changed_to(job, plan);
-    plan->change_end = workspace->settled;
+    plan->change_end = workspace->lateral_end;
 }
 
 // ---------------------------------------------------------------------------- the stage alone
@@ -228,7 +229,8 @@ static bool track_holds(const verge_track* track, uint32_t points)
     for (uint32_t k = 0; k < points; ++k) {
         holds = holds && vg_abs(track->x[k]) <= track_max && vg_abs(track->y[k]) <= track_max
                 && vg_abs(track->cos_heading[k]) <= track_max
-                && vg_abs(track->sin_heading[k]) <= track_max && vg_abs(track->speed[k]) <= track_max;
+                && vg_abs(track->sin_heading[k]) <= track_max
+                && vg_abs(track->speed[k]) <= track_max;
     }
     return holds;
 }
@@ -242,8 +244,8 @@ static bool own_track_holds(const verge_track* track, const verge_vehicle* vehic
            && vg_abs(track->half_width - begun.half_width) <= size_slack;
 }
 
-// A track that is not finite would be a body that nothing ever meets. Tracks in another order would hide
-// one vehicle and put the planned vehicle's own body in its path.
+// A track that is not finite would be a body that nothing ever meets. Tracks in another order would
+// hide one vehicle and put the planned vehicle's own body in its path.
 static bool tracks_hold(const verge_tracks* tracks, const verge_scene* scene, uint32_t own,
                         uint32_t points)
 {
@@ -261,7 +263,8 @@ verge_status verge_plan_vehicle(verge_sampler* self, const verge_scene* scene,
                                 const verge_vehicle_decision* decision, const verge_tracks* tracks,
                                 const verge_vehicle_plan* before, verge_vehicle_plan* plan)
 {
-    VERGE_ASSERT(self != NULL && scene != NULL && decision != NULL && tracks != NULL && plan != NULL);
+    VERGE_ASSERT(self != NULL && scene != NULL && decision != NULL && tracks != NULL
+                 && plan != NULL);
     VERGE_ASSERT(before != plan);
     const int32_t index = verge_scene_find(scene, decision->vehicle_id);
     if (index < 0 || !scene->vehicles[index].controlled) {

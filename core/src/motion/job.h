@@ -1,5 +1,5 @@
-/// One vehicle's planning task: from the stage's arguments to a job of the sampler, and from the
-/// sampler's result to the vehicle's plan.
+/// The planning task of one vehicle: converts the arguments of the stage to a job of the sampler,
+/// and the result of the sampler to the plan of the vehicle.
 #ifndef VG_JOB_H
 #define VG_JOB_H
 
@@ -17,7 +17,7 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
                   uint32_t vehicle_index, const verge_vehicle_decision* decision,
                   const verge_vehicle_plan* before, verge_vehicle_plan* plan);
 
-/// After the trajectory: lights, and the lane change that the trajectory is in.
+/// Completes a plan after its trajectory: brake lights, and the lane change in progress.
 void vg_job_end(const vg_job* job, const vg_workspace* workspace, verge_vehicle_plan* plan);
 
 #ifdef __cplusplus

@@ -1,16 +1,17 @@
-/// All vehicles' trajectories. First each for itself, in parallel, against the predicted tracks
-/// (section 3.2.2: "parallel planners"); then one after the other, in the order of ids, wherever
-/// two final trajectories touch. The second part is serial and sees only final results of the
-/// first, so the executor cannot change the outcome.
+/// The trajectories of all vehicles. First each vehicle is planned independently, in parallel,
+/// against the predicted tracks (section 3.2.2: "parallel planners"). Then vehicles whose
+/// trajectories touch are planned again, one after the other in the order of ids. The second part
+/// is serial and uses only final results of the first, so the executor does not influence the
+/// result.
 #include "motion/contact.h"
 #include "base/contract.h"
 #include "motion/trailer.h"
 #include "motion/workspace.h"
 
-/// Rounds of the joint check. After the last one a pair that still touches has one fallback.
-#define PASSES_MAX 3
+/// Rounds of the joint check. If a pair still touches after the last one, one of both falls back.
+enum { passes_max = 3 };
 
-/// What a task of the executor reads and writes.
+/// Inputs and outputs of a task of the executor.
 typedef struct tasks {
     vg_workspace* const* workspaces;
     const vg_job*        jobs;
@@ -19,7 +20,7 @@ typedef struct tasks {
 } tasks;
 
 static void plan_one(void* arg, uint32_t index);
-static void settle(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks);
+static void replace_prediction(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks);
 static void copy_motion(const verge_track* from, verge_track* to, uint32_t points);
 static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b);
 static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const verge_tracks* tracks,
@@ -35,7 +36,7 @@ uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs
     if (job_count == 0) {
         return 0;
     }
-    for (uint32_t i = 0; i < job_count; i += 1) {
+    for (uint32_t i = 0; i < job_count; ++i) {
         VERGE_ASSERT(jobs[i].track_index < tracks->count);
         workspaces[i]->evaluated = 0;
     }
@@ -44,22 +45,22 @@ uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs
     if (def->executor != NULL) {
         def->executor(def->executor_context, plan_one, &all, job_count);
     } else {
-        for (uint32_t i = 0; i < job_count; i += 1) {
+        for (uint32_t i = 0; i < job_count; ++i) {
             plan_one(&all, i);
         }
     }
-    for (uint32_t i = 0; i < job_count; i += 1) {
-        settle(workspaces[i], &jobs[i], tracks);
+    for (uint32_t i = 0; i < job_count; ++i) {
+        replace_prediction(workspaces[i], &jobs[i], tracks);
     }
 
     bool changed = true;
-    for (uint32_t pass = 0; pass < PASSES_MAX && changed; pass += 1) {
+    for (uint32_t pass = 0; pass < passes_max && changed; ++pass) {
         changed = false;
-        for (uint32_t i = 0; i < job_count; i += 1) {
+        for (uint32_t i = 0; i < job_count; ++i) {
             if (must_yield(i, jobs, job_count, tracks, plans, pass)) {
                 plan_one(&all, i);
-                settle(workspaces[i], &jobs[i], tracks);
-                *replanned_count += 1;
+                replace_prediction(workspaces[i], &jobs[i], tracks);
+                ++*replanned_count;
                 changed = true;
             }
         }
@@ -67,7 +68,7 @@ uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs
     force_apart(workspaces, jobs, job_count, tracks, plans);
 
     uint64_t evaluated = 0;
-    for (uint32_t i = 0; i < job_count; i += 1) {
+    for (uint32_t i = 0; i < job_count; ++i) {
         evaluated += workspaces[i]->evaluated;
     }
     return evaluated;
@@ -80,8 +81,8 @@ static void plan_one(void* arg, uint32_t index)
                                &all->plans[index]);
 }
 
-/// The planned trajectory takes the place of the prediction.
-static void settle(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks)
+/// Replaces the prediction of a vehicle by its planned trajectory.
+static void replace_prediction(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks)
 {
     const uint32_t trailer = vg_trailer_of(tracks, job->track_index);
     copy_motion(&ws->body, &tracks->of[job->track_index], job->def->points);
@@ -92,7 +93,7 @@ static void settle(const vg_workspace* ws, const vg_job* job, verge_tracks* trac
 
 static void copy_motion(const verge_track* from, verge_track* to, uint32_t points)
 {
-    for (uint32_t k = 0; k < points; k += 1) {
+    for (uint32_t k = 0; k < points; ++k) {
         to->x[k] = from->x[k];
         to->y[k] = from->y[k];
         to->cos_heading[k] = from->cos_heading[k];
@@ -107,7 +108,7 @@ static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b)
     const uint32_t of_a[2] = { a->track_index, vg_trailer_of(tracks, a->track_index) };
     const uint32_t of_b[2] = { b->track_index, vg_trailer_of(tracks, b->track_index) };
     const uint32_t count_a = of_a[0] == of_a[1] ? 1 : 2, count_b = of_b[0] == of_b[1] ? 1 : 2;
-    for (uint32_t i = 0; i < count_a * count_b; i += 1) {
+    for (uint32_t i = 0; i < count_a * count_b; ++i) {
         const verge_track* one = &tracks->of[of_a[i / count_b]];
         const verge_track* other = &tracks->of[of_b[i % count_b]];
         if (vg_contact_new(one, other, 0.0, last) <= last) {
@@ -117,16 +118,17 @@ static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b)
     return false;
 }
 
-/// Of two that touch the later id yields, unless exactly one is a fallback: then the other one
-/// does, which still has a choice. Two fallbacks have none; but one that fell back before a mere
-/// prediction of a planned vehicle gets a second chance against its trajectory.
+/// Must vehicle i be planned again? Of two vehicles whose trajectories touch, the one with the
+/// later id yields. If exactly one of them is a fallback, the other one yields. Two fallbacks stay
+/// as they are. A fallback because of the prediction of a controlled vehicle is planned once more,
+/// against the planned trajectory of that vehicle.
 static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const verge_tracks* tracks,
                        const verge_vehicle_plan* plans, uint32_t pass)
 {
     if (plans[i].status != VERGE_PLANNED) {
         return pass == 0 && plans[i].reason == VERGE_REASON_JOINT;
     }
-    for (uint32_t j = 0; j < count; j += 1) {
+    for (uint32_t j = 0; j < count; ++j) {
         if ((j < i || (j > i && plans[j].status != VERGE_PLANNED))
             && touch(tracks, &jobs[i], &jobs[j])) {
             return true;
@@ -135,18 +137,18 @@ static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const ver
     return false;
 }
 
-/// Whatever is still planned into another one falls back, so that a contact is never unsaid.
+/// Vehicles whose trajectories still touch fall back, so that no plan hides a contact.
 static void force_apart(vg_workspace* const* workspaces, const vg_job* jobs, uint32_t count,
                         verge_tracks* tracks, verge_vehicle_plan* plans)
 {
-    for (uint32_t i = 0; i < count; i += 1) {
-        for (uint32_t j = 0; j < i; j += 1) {
+    for (uint32_t i = 0; i < count; ++i) {
+        for (uint32_t j = 0; j < i; ++j) {
             if (plans[i].status == VERGE_PLANNED && plans[j].status == VERGE_PLANNED
                 && touch(tracks, &jobs[i], &jobs[j])) {
                 vg_workspace_begin(workspaces[i], &jobs[i], tracks);
                 vg_vehicle_fall_back(workspaces[i], &jobs[i], tracks, &plans[i],
                                      VERGE_REASON_JOINT);
-                settle(workspaces[i], &jobs[i], tracks);
+                replace_prediction(workspaces[i], &jobs[i], tracks);
             }
         }
     }

@@ -1,22 +1,22 @@
-/// See kinematics.h. Profiles first, then the lateral link, then the way in and out.
+/// See kinematics.h: profiles, then lateral polynomials (links), then conversions of motion.
 #include "motion/kinematics.h"
 
 #include "base/contract.h"
 
-/// Lateral links are at least this long where they are functions of the way. [m]
-#define LINK_WAY_MIN 10.0
-/// Share of the steering rate a lateral link may plan for; the rest is for the road's bends and
-/// for the difference between the link's ends and its middle. [1]
-#define LINK_STEER_SHARE 0.95
-/// A link is stretched at most so far beyond its leg, in steps of this factor. [1]
-#define LINK_STRETCH_MAX 4.0
-#define LINK_STRETCH_STEP 1.05
-/// Lateral acceleration a link is stretched to stay below. [m/s^2] under the comfort limit of 4
-#define LINK_LATERAL_MAX 3.2
-/// Curvature a slow link is stretched to stay below, against its line. [1/m]
-#define LINK_BEND_MAX 0.2
-/// Both less for a body with low limits: the line's own bend needs a part. [1]
-#define LINK_LIMIT_SHARE 0.5
+/// Shortest length of a link by distance. [m]
+static const double link_distance_min = 10.0;
+/// Share of the steering rate that a link may use. The rest is for the bends of the road and for
+/// the difference between the ends of the link and its middle. [1]
+static const double link_steer_share = 0.95;
+/// A link is lengthened at most by this factor beyond its leg, in steps of the second factor. [1]
+static const double link_stretch_max = 4.0;
+static const double link_stretch_step = 1.05;
+/// Largest lateral acceleration of a link, below the comfort limit of 4. [m/s^2]
+static const double link_lateral_max = 3.2;
+/// Largest curvature of a link by distance, relative to its line. [1/m]
+static const double link_bend_max = 0.2;
+/// Share of the limits of the body that both may use; the line itself may be curved. [1]
+static const double link_limit_share = 0.5;
 
 static vg_profile stop_smoothly(const vg_state* start, double T);
 static void append(vg_profile* profile, double duration, double jerk, double snap);
@@ -67,7 +67,7 @@ vg_profile vg_profile_braking(const vg_state* start, double level, double jerk)
     VERGE_ASSERT(level >= 0.0 && jerk > 0.0);
     const double v = start->s_t, a = start->s_tt;
     if (a <= 0.0 && v <= vg_max(a * a / (2.0 * jerk), 1e-6)) {
-        // Stops before the brakes could be released, or stands.
+        // The vehicle stands, or stops before the brakes could be released.
         return stop_smoothly(start, a < 0.0 ? 3.0 * v / -a : 0.0);
     }
     vg_profile profile = { .count = 1 };
@@ -77,7 +77,8 @@ vg_profile vg_profile_braking(const vg_state* start, double level, double jerk)
         profile.pieces[profile.count - 1].a = 0.0;
         return profile;
     }
-    // Down to -b, hold, up to 0 exactly at standstill; b is less where speed is too low for it.
+    // Acceleration falls to -b, is held, and rises to 0 exactly at standstill. At low speed b is
+    // less.
     const double peak = vg_sqrt(jerk * v + 0.5 * a * a);
     const double b = vg_min(level, vg_max(peak, -a));
     const bool   ease = a < -b;
@@ -126,7 +127,7 @@ vg_piece vg_profile_at(const vg_profile* profile, double t)
 {
     uint32_t i = profile->count - 1;
     while (i > 0 && t < profile->pieces[i].t) {
-        i -= 1;
+        --i;
     }
     const vg_piece* p = &profile->pieces[i];
     const double h = t - p->t;
@@ -143,25 +144,25 @@ vg_piece vg_profile_at(const vg_profile* profile, double t)
 void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset)
 {
     double slowest = start->s_t, fastest = start->s_t;
-    for (uint32_t i = 1; i <= 20; i += 1) { // twentieths: a cubic speed hides nothing between
+    for (uint32_t i = 1; i <= 20; ++i) { // 20 samples suffice for a speed that is cubic in time
         const double v = vg_profile_at(&leg->profile, T * i / 20.0).v;
         slowest = vg_min(slowest, v);
         fastest = vg_max(fastest, v);
     }
     leg->s_start = start->s;
-    leg->by_way = slowest < VERGE_SPEED_SLOW;
-    const double way = vg_profile_at(&leg->profile, T).s - start->s;
-    const double v = leg->by_way ? 1.0 : start->s_t;
+    leg->by_distance = slowest < VERGE_SPEED_SLOW;
+    const double distance = vg_profile_at(&leg->profile, T).s - start->s;
+    const double v = leg->by_distance ? 1.0 : start->s_t;
     const double d_v = start->d1 * v;
-    const double d_a = leg->by_way ? start->d2 : start->d2 * v * v + start->d1 * start->s_tt;
-    const double shortest = leg->by_way ? vg_max(way, LINK_WAY_MIN) : T;
-    const double speed = leg->by_way ? vg_max(fastest, 0.5) : slowest;
+    const double d_a = leg->by_distance ? start->d2 : start->d2 * v * v + start->d1 * start->s_tt;
+    const double shortest = leg->by_distance ? vg_max(distance, link_distance_min) : T;
+    const double speed = leg->by_distance ? vg_max(fastest, 0.5) : slowest;
 
-    // The least stretch that strains neither steering nor comfort, else the least strained one.
+    // The shortest link within the limits of steering and comfort, else the one nearest to them.
     double least = VG_HUGE;
     leg->span = shortest;
-    for (double span = shortest; span <= LINK_STRETCH_MAX * shortest && least > 1.0;
-         span *= LINK_STRETCH_STEP) {
+    for (double span = shortest; span <= link_stretch_max * shortest && least > 1.0;
+         span *= link_stretch_step) {
         const double strain = link_strain(leg, start->d, d_v, d_a, span, offset, speed);
         if (strain < least) {
             least = strain;
@@ -174,8 +175,8 @@ void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset)
     leg->shape = vg_quintic_between(none, one, leg->span);
 }
 
-/// How far the link to `offset` exceeds what steering rate and comfort allow: above 1 it does.
-/// Steering shows in the third derivative at both ends, comfort in the rise of the second.
+/// Largest ratio of the link to `offset` to the limits of steering rate and comfort; above 1 a
+/// limit is exceeded. Steering rate limits the third derivative at both ends, comfort the second.
 static double link_strain(const vg_leg* leg, double d, double v, double a, double span,
                           double offset, double speed)
 {
@@ -187,15 +188,15 @@ static double link_strain(const vg_leg* leg, double d, double v, double a, doubl
     // Peak of the second derivative of a link from rest to rest: 10 / sqrt(3) rise / T^2.
     const double second = 5.7735 * vg_abs(rise - 0.5 * v * T) / (T * T);
     const vg_limits* limits = leg->limits;
-    const double rate = LINK_STEER_SHARE * limits->steer_rate_max / limits->wheelbase; // [1/(m s)]
-    const double lateral = vg_min(LINK_LATERAL_MAX, LINK_LIMIT_SHARE * limits->lateral_max);
-    const double bend = vg_min(LINK_BEND_MAX, LINK_LIMIT_SHARE * limits->curvature_max);
-    const double third_max = leg->by_way ? rate / speed : rate * speed * speed;
-    const double second_max = leg->by_way ? vg_min(lateral / (speed * speed), bend) : lateral;
+    const double rate = link_steer_share * limits->steer_rate_max / limits->wheelbase; // [1/(m s)]
+    const double lateral = vg_min(link_lateral_max, link_limit_share * limits->lateral_max);
+    const double bend = vg_min(link_bend_max, link_limit_share * limits->curvature_max);
+    const double third_max = leg->by_distance ? rate / speed : rate * speed * speed;
+    const double second_max = leg->by_distance ? vg_min(lateral / (speed * speed), bend) : lateral;
     return vg_max(third / third_max, second / second_max);
 }
 
-/// Offset and three derivatives, x behind the link's start.
+/// Offset and three derivatives of a link, at x from its start.
 static void link_at(const vg_quintic* link, double x, double out[4])
 {
     const vg_axis_sample at = vg_quintic_at(link, x);
@@ -205,8 +206,8 @@ static void link_at(const vg_quintic* link, double x, double out[4])
     out[3] = at.jerk;
 }
 
-/// Derivatives in time to derivatives in way.
-static void in_way(double d[4], const vg_piece* at)
+/// Converts derivatives by time to derivatives by distance.
+static void convert_to_distance(double d[4], const vg_piece* at)
 {
     const double iv = 1.0 / at->v;
     const double d1 = d[1] * iv;
@@ -222,16 +223,16 @@ vg_row vg_leg_row(const vg_leg* leg, double t)
     const vg_piece at = vg_profile_at(&leg->profile, t);
     vg_row row = { .line = vg_path_at(leg->path, at.s),
                    .s = at.s, .s_t = at.v, .s_tt = at.a, .s_ttt = at.j };
-    const double x = leg->by_way ? at.s - leg->s_start : t;
+    const double x = leg->by_distance ? at.s - leg->s_start : t;
     if (x >= leg->span) {
-        row.shape[0] = 1.0; // arrived: base and all derivatives are zero
+        row.shape[0] = 1.0; // the link has ended: base and all derivatives are 0
         return row;
     }
     link_at(&leg->base, x, row.base);
     link_at(&leg->shape, x, row.shape);
-    if (!leg->by_way) {
-        in_way(row.base, &at);
-        in_way(row.shape, &at);
+    if (!leg->by_distance) {
+        convert_to_distance(row.base, &at);
+        convert_to_distance(row.shape, &at);
     }
     return row;
 }
@@ -253,12 +254,12 @@ vg_state vg_state_of(const vg_path* path, const vg_motion* rear, double s_guess)
     state.d = (rear->y - at.y) * at.cos_heading - (rear->x - at.x) * at.sin_heading;
     const double k = at.curvature, q = 1.0 - k * state.d;
     if (c < 0.2 || q < VG_FRAME_MIN) {
-        return state; // more than 78 degrees across the line, or the frame folds
+        return state; // more than 78 degrees from the line, or 1 - curvature * d is too small
     }
     const double tangent = s / c;
     state.d1 = q * tangent;
     const double bend = at.curvature_rate * state.d + k * state.d1;
-    const double turn = rear->curvature * q / c - k; // of the heading against the line's, in way
+    const double turn = rear->curvature * q / c - k; // derivative of the relative heading by s
     state.d2 = -bend * tangent + q / (c * c) * turn;
     state.s_t = rear->speed * c / q;
     state.s_tt = (rear->acceleration * c
@@ -289,8 +290,8 @@ vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t, double 
 vg_motion vg_motion_of_rear(const vg_motion* centre, double rear_axle)
 {
     const double a = rear_axle;
-    // Yaw rate over speed of a car's centre is below 0.5 / m; measured states may claim more, up to
-    // a spin about the rear axle, where the ratio has no answer.
+    // Yaw rate over speed of a car's centre is below 0.5 / m. Measured states may have more. At 1 /
+    // a the vehicle turns about its rear axle and the ratio is not defined.
     const double limit = 0.95 / vg_max(a, 1e-3);
     const double curvature = vg_clamp(centre->curvature, -limit, limit);
     const double ratio = 1.0 / vg_sqrt(1.0 - vg_square(a * curvature));

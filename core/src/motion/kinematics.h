@@ -1,12 +1,12 @@
-/// The motion of one candidate: a way profile s(t), a lateral link d, and the exact motion of
-/// the rear axle that follows from both (Werling et al. 2010, written in the line's own frame).
+/// The motion of one candidate: a longitudinal profile s(t), a lateral polynomial d, and the exact
+/// motion of the rear axle that follows from both (Werling et al. 2010, in the frame of the line).
 ///
-/// Everything lateral is a function of the way: d(s) and its derivatives. A link in time, d(t),
-/// is turned into one where the speed is known to be above VERGE_SPEED_SLOW, so one set of
-/// formulas serves standstill and motorway. The link is linear in its end offset,
+/// Lateral motion is a function of distance: d(s) and its derivatives. At speeds above
+/// VERGE_SPEED_SLOW it is planned in time, d(t), and converted to d(s). So the same formulas are
+/// valid at standstill and on a motorway. The polynomial is linear in its end offset,
 ///     d = base + offset * shape,
-/// so candidates that share a profile share everything but one multiplication (vg_row): the loop
-/// over offsets has neither look-ups nor trigonometry.
+/// so candidates that share a profile differ in one multiplication only (vg_row). The loop over
+/// offsets has neither look-ups nor trigonometry.
 #ifndef VG_KINEMATICS_H
 #define VG_KINEMATICS_H
 
@@ -18,7 +18,7 @@
 extern "C" {
 #endif
 
-/// Below this the line's frame folds: the point is too near the line's centre of curvature. [1]
+/// Smallest 1 - curvature * d: below it the point is too near the line's centre of curvature. [1]
 #define VG_FRAME_MIN 0.1
 
 /// Motion of a point in the plane.
@@ -29,8 +29,8 @@ typedef struct vg_motion {
     double curvature;      ///< [1/m]
 } vg_motion;
 
-/// A body's limits as the sampler's inner loop takes them: reciprocals, so that a ratio is a
-/// product. Prepared once for a vehicle and step.
+/// The limits of a body for the inner loop of the sampler: reciprocals, so that a ratio is a
+/// product.
 typedef struct vg_limits {
     double rear_axle, wheelbase;   ///< [m]
     double steer_rate_max;         ///< [rad/s]
@@ -38,28 +38,28 @@ typedef struct vg_limits {
     double lateral_max;            ///< [m/s^2]
     double per_curvature, per_steer_rate, per_speed_switch, per_acceleration, per_speed;
     double per_braking_squared;    ///< [s^4/m^2]
-    double lateral_share;          ///< [1] braking over lateral acceleration, each the most
+    double lateral_share;          ///< [1] largest braking over largest lateral acceleration
     bool   has_trailer;
 } vg_limits;
 
 vg_limits vg_limits_of(const verge_body* body);
 
-/// The centre's motion from the rear axle's and back, the axle `rear_axle` [m] behind it. curvature
-/// is yaw rate over speed of the point in question. The centre's acceleration needs the curvature's rate in
-/// time [1/(m s)] of the rear axle, to be exact. The way back takes that rate as 0, and limits
-/// the curvature to what a car can turn. heading is that of the body in both.
+/// The motion of the centre from that of the rear axle, and back; the axle is `rear_axle` [m]
+/// behind the centre. The curvature is yaw rate over speed of the point, the heading that of the
+/// body. curvature_t: rate of the rear axle's curvature [1/(m s)], for the exact acceleration of
+/// the centre. The conversion back assumes a rate of 0 and limits the curvature.
 vg_motion vg_motion_of_centre(const vg_motion* rear, double curvature_t, double rear_axle);
 vg_motion vg_motion_of_rear(const vg_motion* centre, double rear_axle);
 
-/// Position on a path with the derivatives that survive standstill: the way in time, the offset
-/// in way. Of the rear axle.
+/// Position of the rear axle on a path: distance with derivatives by time, offset with derivatives
+/// by distance. All of them are defined at standstill.
 typedef struct vg_state {
     double s, s_t, s_tt;  ///< [m], [m/s] >= 0, [m/s^2]
     double d, d1, d2;     ///< [m], [1], [1/m]: d, dd/ds, d2d/ds2
-    bool   valid;         ///< false: the body stands across the line or the frame folds
+    bool   valid;         ///< false: the body is across the line, or 1 - curvature * d is too small
 } vg_state;
 
-/// s(t) in up to five pieces of constant snap; the last one goes on for ever.
+/// s(t) in up to five pieces of constant snap; the last one has no end.
 enum { VG_PIECES_MAX = 5 };
 typedef struct vg_piece {
     double t, s, v, a, j, snap;
@@ -69,23 +69,23 @@ typedef struct vg_profile {
     vg_piece pieces[VG_PIECES_MAX];
 } vg_profile;
 
-/// One end speed of one segment: all its candidates but for their end offset.
+/// One end speed of one segment: its candidates differ in their end offset only.
 typedef struct vg_leg {
     const vg_path* path;
     const vg_limits* limits; ///< of the vehicle that drives it
     vg_profile profile;   ///< t = 0 at the start of the segment
     double s_start;       ///< [m]
-    bool   by_way;        ///< d(s); else d(t)
+    bool   by_distance;   ///< the lateral polynomial is d(s); else d(t)
     double span;          ///< [m] or [s] after which the offset is reached
-    vg_quintic base;      ///< link in way or time from the start state to offset 0
-    vg_quintic shape;     ///< link from rest at offset 0 to rest at offset 1
+    vg_quintic base;      ///< from the start state to offset 0, by distance or time
+    vg_quintic shape;     ///< from rest at offset 0 to rest at offset 1
 } vg_leg;
 
 /// One leg at one instant.
 typedef struct vg_row {
     vg_reference line;
     double s, s_t, s_tt, s_ttt;
-    double base[4], shape[4]; ///< d and its first three derivatives in way
+    double base[4], shape[4]; ///< d and its first three derivatives by distance
 } vg_row;
 
 /// The rear axle at one instant.
@@ -103,21 +103,22 @@ typedef struct vg_rear {
 vg_state vg_state_of(const vg_path* path, const vg_motion* rear, double s_guess);
 vg_motion vg_motion_of(const vg_rear* rear);
 
-/// Jerk-optimal way with a free end position from (s, v, a) to speed v1 at rest of acceleration
-/// after T. Never backwards where v1 = 0: it stops earlier if the deceleration at hand asks for it.
+/// Jerk-optimal profile from (s, v, a) to speed v1 and acceleration 0 after T, with free end
+/// position. With v1 = 0 it never moves backwards: it stops earlier if the present deceleration
+/// requires it.
 vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T);
 /// Jerk-limited braking to a standstill at `level` [m/s^2]; level 0: constant speed.
 vg_profile vg_profile_braking(const vg_state* start, double level, double jerk);
 vg_piece vg_profile_at(const vg_profile* profile, double t);
 
-/// Chooses the link for a leg of length T that is to end near an offset: in time, or in
-/// way where the profile is slow; longer than T where the steering could not follow otherwise
-/// (the change then goes on beyond the leg).
+/// Chooses the lateral polynomials of a leg of duration T that ends near an offset: by time, or by
+/// distance at low speed. They are longer than T if the steering requires it; the lateral motion
+/// then continues beyond the leg.
 void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset);
 vg_row vg_leg_row(const vg_leg* leg, double t);
 
-/// Motion of the rear axle. Branch-free: loops over offsets become vector code. The line's
-/// second curvature rate is taken as zero, as it is between the knots of a cubic spline.
+/// Motion of the rear axle. Without branches, so that loops over offsets are vectorized. The second
+/// derivative of the line's curvature is taken as 0.
 static inline vg_rear vg_rear_of(const vg_row* row, double offset)
 {
     const double k = row->line.curvature, k1 = row->line.curvature_rate;
@@ -126,7 +127,7 @@ static inline vg_rear vg_rear_of(const vg_row* row, double offset)
     const double d2 = row->base[2] + offset * row->shape[2];
     const double d3 = row->base[3] + offset * row->shape[3];
 
-    // (q, d1) is the derivative of the position in way, in the line's frame; m its length.
+    // (q, d1) is the derivative of the position by s, in the frame of the line; m is its length.
     const double frame = 1.0 - k * d;
     const double q  = vg_max(frame, 0.5 * VG_FRAME_MIN);
     const double q1 = -(k1 * d + k * d1);
@@ -164,8 +165,9 @@ static inline vg_rear vg_rear_of(const vg_row* row, double offset)
     return rear;
 }
 
-/// Limits of the body as ratios: above 1 a limit is broken.
-static inline double vg_hard_ratio(const vg_limits* limits, const vg_rear* rear, double way_speed)
+/// Largest ratio of a quantity to its limit of the body; above 1 a limit is exceeded. s_t: speed
+/// along the line. [m/s]
+static inline double vg_hard_ratio(const vg_limits* limits, const vg_rear* rear, double s_t)
 {
     const double v = rear->speed, a = rear->acceleration;
     const double lateral = v * v * rear->curvature * limits->lateral_share;
@@ -178,7 +180,7 @@ static inline double vg_hard_ratio(const vg_limits* limits, const vg_rear* rear,
     worst = vg_max(worst, (a * a + lateral * lateral) * limits->per_braking_squared);
     worst = vg_max(worst, v * limits->per_speed);
     worst = rear->frame < VG_FRAME_MIN ? 1e9 : worst;
-    return way_speed < -1e-9 ? 1e9 : worst;
+    return s_t < -1e-9 ? 1e9 : worst;
 }
 
 /// Limits of normal driving, as reciprocals so that a ratio is a product.

@@ -1,6 +1,7 @@
-/// One vehicle's reference path: lanes strung together. Where a survey leaves a step between two
-/// lanes (a merge, a diverge, a gap), the step in position and direction fades out over some
-/// metres away from the anchor lane, so that the anchor stays as it is and the path stays smooth.
+/// The reference path of one vehicle: consecutive lanes joined to one line. Where the survey has a
+/// step between two lanes (a merge, a diverge, a gap), the step in position and direction is faded
+/// out over some metres away from the anchor lane. So the anchor lane is unchanged and the path is
+/// smooth.
 #include "motion/path.h"
 
 #include "base/contract.h"
@@ -32,7 +33,7 @@ static void collect_before(pieces* all, const struct verge_road* road, uint32_t 
                            double s_from);
 static void set_step(piece* self, const vg_reference* held, const vg_reference* own);
 static void point_of(const pieces* all, double s, double* x, double* y);
-static void fade(const piece* self, double way, double direction, double* x, double* y);
+static void fade(const piece* self, double distance, double direction, double* x, double* y);
 
 void vg_paths_take(vg_path paths[2], vg_arena* arena, uint32_t knots_max)
 {
@@ -98,7 +99,7 @@ static void collect_behind(pieces* all, const struct verge_road* road, uint32_t 
         const double gap = (own.x - held.x) * held.cos_heading
                            + (own.y - held.y) * held.sin_heading;
         added->start = end + vg_max(gap, 0.0);
-        point_of(all, added->start, &x, &y); // straight on across a gap, with what has not faded
+        point_of(all, added->start, &x, &y); // straight across a gap, with the rest of all steps
         held.x = x;
         held.y = y;
         set_step(added, &held, &own);
@@ -142,7 +143,7 @@ static void set_step(piece* self, const vg_reference* held, const vg_reference* 
     self->fade = fade_length + fade_per_metre * vg_sqrt(self->x * self->x + self->y * self->y);
 }
 
-/// The path at s: on its lane, moved by what is left of every step between there and the anchor.
+/// The path at s: the point of its lane, moved by the rest of every step from there to the anchor.
 static void point_of(const pieces* all, double s, double* x, double* y)
 {
     const bool ahead = s >= 0.0;
@@ -158,16 +159,16 @@ static void point_of(const pieces* all, double s, double* x, double* y)
     *x = here.x;
     *y = here.y;
     for (uint32_t i = 1; i <= at; ++i) {
-        const double seam = ahead ? list[i].start : list[i].start + list[i].lane->length;
-        fade(&list[i], ahead ? s - seam : seam - s, ahead ? 1.0 : -1.0, x, y);
+        const double joint = ahead ? list[i].start : list[i].start + list[i].lane->length;
+        fade(&list[i], ahead ? s - joint : joint - s, ahead ? 1.0 : -1.0, x, y);
     }
 }
 
-/// Adds what is left of a step, `way` metres behind it: the cubic that begins with the step in
-/// position and slope and ends with neither.
-static void fade(const piece* self, double way, double direction, double* x, double* y)
+/// Adds the rest of a step, `distance` [m] behind it: a cubic that begins with position and slope
+/// of the step and ends with 0 for both.
+static void fade(const piece* self, double distance, double direction, double* x, double* y)
 {
-    const double u = way / self->fade;
+    const double u = distance / self->fade;
     if (u >= 1.0) {
         return;
     }

@@ -1,7 +1,7 @@
-/// Where every vehicle will be at the trajectory's instants (section 3.2.2: "first predicts"):
-/// vehicles with a decision along their action steps, all others by lane keeping behind them.
-/// Longitudinal motion inside a decision step has constant acceleration; lateral motion is a cubic
-/// through the steps' ends, at rest where a run of lane changes begins or ends.
+/// Predicts every vehicle at the instants of a trajectory (section 3.2.2: "first predicts").
+/// Vehicles with a decision move along their action steps, all others by lane keeping behind the
+/// vehicle ahead. Within a decision step the acceleration is constant, and lateral motion is a
+/// cubic between the ends of the step, at rest where a run of lane changes begins or ends.
 #include "verge/trajectory.h"
 
 #include "base/arena.h"
@@ -13,17 +13,17 @@
 
 #include <string.h>
 
-// Below this the direction of the body is the lane's. [m/s]
-static const double standing = 0.5;
-// A human that drifts slower than this keeps its place in the lane. [m/s]
+// Below this speed the heading of the body is that of the lane. [m/s]
+static const double standing_speed = 0.5;
+// An uncontrolled vehicle with a lower lateral speed keeps its offset in the lane. [m/s]
 static const double drift_min = 0.4;
-// Where no lane is beside, a drift ends after this. [m]
-static const double drift_free = 0.5;
+// Distance after which lateral motion ends where there is no neighbouring lane. [m]
+static const double drift_distance = 0.5;
 
-// A human's motion across its lane: as measured, until it reaches the next centre in that direction.
+// Lateral motion of an uncontrolled vehicle: as measured, up to the next lane centre.
 typedef struct drift {
     double rate;  // [m/s] to the left
-    double until; // [m] d
+    double until; // [m] d at its end
 } drift;
 
 struct verge_predictor {
@@ -36,14 +36,16 @@ struct verge_predictor {
 };
 
 static verge_predictor* take(vg_arena* arena, const verge_planner_def* def);
-static bool read_decision(verge_predictor* self, const verge_scene* scene, const verge_decision* decision);
+static bool read_decision(verge_predictor* self, const verge_scene* scene,
+                          const verge_decision* decision);
 static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle, uint32_t slot);
 static double drift_step(const drift* across, double dt, float* d);
-static void drive_straight(verge_track* track, const verge_vehicle* vehicle, const verge_planner_def* def);
+static void drive_straight(verge_track* track, const verge_vehicle* vehicle,
+                           const verge_planner_def* def);
 static void set_decided_state(const verge_predictor* self, uint32_t slot, double t, vg_flow* now,
                               double* d_rate);
-static void set_pose(const verge_predictor* self, verge_track* track, const vg_flow* now, uint32_t slot,
-                     double d_rate, uint32_t k);
+static void set_pose(const verge_predictor* self, verge_track* track, const vg_flow* now,
+                     uint32_t slot, double d_rate, uint32_t k);
 
 // ---------------------------------------------------------------------------- memory
 
@@ -58,8 +60,8 @@ size_t verge_predictor_memory_size(const verge_planner_def* def)
     return arena.used;
 }
 
-verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def, void* memory,
-                                  size_t size)
+verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def,
+                                  void* memory, size_t size)
 {
     VERGE_ASSERT(predictor != NULL);
     *predictor = NULL;
@@ -115,7 +117,8 @@ verge_status verge_predict(verge_predictor* self, const verge_scene* scene,
     }
     const uint64_t decided = decided_vehicles(scene, decision);
     const uint32_t bodies = vg_scene_bodies(scene);
-    if (bodies > def->vehicles_max || bodies > tracks->tracks_max || vg_bits(decided) > def->controlled_max) {
+    if (bodies > def->vehicles_max || bodies > tracks->tracks_max
+        || vg_bits(decided) > def->controlled_max) {
         return VERGE_ERR_CAPACITY;
     }
     vg_flow *root = &self->flows[0], *now = &self->flows[1], *next = &self->flows[2];
@@ -152,7 +155,8 @@ verge_status verge_predict(verge_predictor* self, const verge_scene* scene,
     return VERGE_OK;
 }
 
-static bool read_decision(verge_predictor* self, const verge_scene* scene, const verge_decision* decision)
+static bool read_decision(verge_predictor* self, const verge_scene* scene,
+                          const verge_decision* decision)
 {
     for (uint32_t slot = 0; slot < self->model->controlled_count; ++slot) {
         const uint32_t i = self->model->input_index[slot];
@@ -175,7 +179,8 @@ void verge_track_begin(verge_track* track, const verge_vehicle* vehicle)
     verge_track_set(track, 0, vehicle->x, vehicle->y, vehicle->heading, vehicle->speed);
 }
 
-void verge_track_set(verge_track* track, uint32_t k, double x, double y, double heading, double speed)
+void verge_track_set(verge_track* track, uint32_t k, double x, double y, double heading,
+                     double speed)
 {
     VERGE_ASSERT(track != NULL && k < VERGE_POINTS_MAX);
     track->x[k] = x;
@@ -184,8 +189,9 @@ void verge_track_set(verge_track* track, uint32_t k, double x, double y, double 
     vg_sincos(heading, &track->sin_heading[k], &track->cos_heading[k]);
 }
 
-// Off every lane nothing is known but the motion itself.
-static void drive_straight(verge_track* track, const verge_vehicle* vehicle, const verge_planner_def* def)
+// A vehicle on no lane moves straight ahead at constant speed.
+static void drive_straight(verge_track* track, const verge_vehicle* vehicle,
+                           const verge_planner_def* def)
 {
     for (uint32_t k = 1; k < def->points; ++k) {
         const double distance = vehicle->speed * def->point_s * (double)k;
@@ -197,8 +203,8 @@ static void drive_straight(verge_track* track, const verge_vehicle* vehicle, con
     }
 }
 
-static void set_pose(const verge_predictor* self, verge_track* track, const vg_flow* now, uint32_t slot,
-                     double d_rate, uint32_t k)
+static void set_pose(const verge_predictor* self, verge_track* track, const vg_flow* now,
+                     uint32_t slot, double d_rate, uint32_t k)
 {
     const verge_road* road = self->model->road;
     const uint32_t lane = (uint32_t)now->lane[slot];
@@ -212,7 +218,7 @@ static void set_pose(const verge_predictor* self, verge_track* track, const vg_f
     track->speed[k] = v;
     track->cos_heading[k] = c;
     track->sin_heading[k] = n;
-    if (v > standing) {
+    if (v > standing_speed) {
         const double norm = 1.0 / vg_sqrt(v * v + d_rate * d_rate);
         const double along = v * norm, across = d_rate * norm;
         track->cos_heading[k] = c * along - n * across;
@@ -220,7 +226,7 @@ static void set_pose(const verge_predictor* self, verge_track* track, const vg_f
     }
 }
 
-// ---------------------------------------------------------------------------- humans across their lane
+// ---------------------------------------------------------------------------- lateral motion
 
 static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle, uint32_t slot)
 {
@@ -236,11 +242,11 @@ static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle,
     }
     const double side = rate > 0.0 ? 1.0 : -1.0;
     const double gap = (double)(rate > 0.0 ? root->left_gap[slot] : root->right_gap[slot]);
-    const double beyond = gap > 0.0 ? gap : d * side + drift_free;
+    const double beyond = gap > 0.0 ? gap : d * side + drift_distance;
     return (drift){ rate, d * side < -drift_min ? 0.0 : side * vg_max(beyond, d * side) };
 }
 
-// One instant on; returns the rate it had. [m/s]
+// Moves d by one instant; returns the lateral speed. [m/s]
 static double drift_step(const drift* across, double dt, float* d)
 {
     const double left = (across->until - (double)*d) * (across->rate > 0.0 ? 1.0 : -1.0);
@@ -298,9 +304,10 @@ static void set_decided_state(const verge_predictor* self, uint32_t slot, double
     const double m0 = joint_slope(road, expected, m) * step_s;
     const double m1 = joint_slope(road, expected, m + 1u) * step_s;
     const double y = y0 + u * (m0 + u * (3.0 * rise - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * rise)));
-    *d_rate = (m0 + u * (2.0 * (3.0 * rise - 2.0 * m0 - m1) + u * 3.0 * (m0 + m1 - 2.0 * rise))) / step_s;
+    *d_rate =
+        (m0 + u * (2.0 * (3.0 * rise - 2.0 * m0 - m1) + u * 3.0 * (m0 + m1 - 2.0 * rise))) / step_s;
     now->lane[slot] = (int32_t)from->lane;
-    // The middle of vehicle and trailer is what the vehicles behind it follow.
+    // Stations of the flow are those of the middle of vehicle and trailer.
     now->station[slot] = from->station + (float)distance / from->rate
                          - (float)self->model->back[slot] / from->rate;
     now->v[slot] = (float)(v0 + (v1 - v0) * u);

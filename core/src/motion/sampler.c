@@ -1,9 +1,9 @@
-/// One vehicle's trajectory: a greedy chain of segments (section 3.2.2). For each segment all
-/// candidates of its target region are evaluated at once (batch.c); then, cheapest first, the
-/// first one that passes every exact check is taken, and its end is the next segment's start.
+/// The trajectory of one vehicle: a greedy chain of segments (section 3.2.2). For each segment all
+/// candidates of its target region are evaluated (batch.c). In the order of cost, the first one
+/// that passes every exact check is taken. Its end is the start of the next segment.
 ///
-/// Attempts, until one succeeds: as decided; in the present lane for the whole horizon; both
-/// again without the limits of normal driving; the fallback.
+/// Attempts, until one succeeds: as decided; in the present lane for the whole horizon; both again
+/// without the limits of normal driving; the fallback.
 #include "motion/sampler.h"
 
 #include "motion/contact.h"
@@ -12,16 +12,16 @@
 #include "motion/trailer.h"
 #include "motion/workspace.h"
 
-/// First-segment choices followed up before a chain is given up. Each costs one more batch.
-#define FIRST_TRIES_MAX 6
-/// Sub-steps per point of the exact limit check: 10 ms at 0.1 s.
-#define LIMIT_PARTS 10
+enum {
+    first_tries_max = 6, // candidates of the first segment that are tried; each costs one batch
+    limit_parts = 10,    // parts of a step in the exact limit check: 10 ms each at 0.1 s
+};
 /// Below this speed brakes may be released faster than the jerk limit. [m/s]
-#define JOLT_SPEED 0.5
-/// Deceleration a dead end may ask for where comfort is dropped. [m/s^2] dry road
-#define DEAD_END_BRAKING 8.0
+static const double jolt_speed = 0.5;
+/// Braking before the end of a lane without the limits of normal driving, on a dry road. [m/s^2]
+static const double dead_end_braking = 8.0;
 
-/// What a chain needs to know.
+/// The inputs of a chain.
 typedef struct chain {
     const vg_job*    job;
     const verge_tracks* tracks;
@@ -43,9 +43,9 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
                         uint32_t lane, const vg_leg* leg);
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset);
-static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain);
-static bool body_meets(const vg_workspace* ws, uint32_t i, const vg_batch* batch,
-                       const chain* chain, uint32_t j);
+static bool collides(vg_workspace* ws, const vg_batch* batch, const chain* chain);
+static bool body_collides(const vg_workspace* ws, uint32_t i, const vg_batch* batch,
+                          const chain* chain, uint32_t j);
 static uint32_t reference_lane(const vg_job* job, const vg_segment* segment, uint32_t lane);
 static uint32_t instant_of(const vg_job* job, const vg_segment* segment);
 
@@ -58,7 +58,7 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
         vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OFF_ROAD);
         return;
     }
-    if (ws->blocking != 0) { // no way on through a body that is in front
+    if (ws->blocking != 0) { // a body in front overlaps
         vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OVERLAP_NOW);
         return;
     }
@@ -66,21 +66,21 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
                               .action = VERGE_KEEP_SPEED, .lane = job->lane, .s = job->s,
                               .v = job->vehicle->speed };
     bool found = false;
-    for (uint32_t attempt = 0; attempt < 4 && !found; attempt += 1) {
+    for (uint32_t attempt = 0; attempt < 4 && !found; ++attempt) {
         const chain chain = { job, tracks, attempt >= 2 };
         found = attempt % 2 == 0 ? plan_chain(ws, &chain, job->segments, job->segment_count)
                                  : plan_chain(ws, &chain, &keep, 1);
     }
     if (!found) {
         const vg_refusals* r = &ws->refusals;
-        const verge_reason reason = r->overlap              ? VERGE_REASON_OVERLAP_NOW
-                                  : r->human                ? VERGE_REASON_COLLISION
-                                  : r->planned              ? VERGE_REASON_JOINT
-                                                            : VERGE_REASON_NO_FEASIBLE;
+        const verge_reason reason = r->overlap        ? VERGE_REASON_OVERLAP_NOW
+                                    : r->uncontrolled ? VERGE_REASON_COLLISION
+                                    : r->controlled   ? VERGE_REASON_JOINT
+                                                      : VERGE_REASON_NO_FEASIBLE;
         vg_vehicle_fall_back(ws, job, tracks, plan, reason);
         return;
     }
-    // A trajectory that begins in an overlap is driven, but never called a good plan.
+    // A trajectory that begins with an overlap is used, but it is reported as a fallback.
     plan->status = ws->refusals.overlap ? VERGE_FALLBACK_KEEP_LANE : VERGE_PLANNED;
     plan->reason = ws->refusals.overlap ? VERGE_REASON_OVERLAP_NOW : VERGE_REASON_NONE;
     vg_workspace_emit(ws, job, plan);
@@ -90,10 +90,10 @@ static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* s
                        uint32_t count)
 {
     const vg_job* job = chain->job;
-    // Segments that end before the first instant leave nothing to drive.
+    // Segments that end before the first instant are skipped.
     while (count > 1 && instant_of(job, segments) == 0) {
-        segments += 1;
-        count -= 1;
+        ++segments;
+        --count;
     }
     if (count == 0) {
         return false;
@@ -104,7 +104,7 @@ static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* s
     if (!prepare(ws, batch, chain, segments, 0, lane, &ws->start)) {
         return false;
     }
-    for (uint32_t i = 0; i < FIRST_TRIES_MAX; i += 1) {
+    for (uint32_t i = 0; i < first_tries_max; ++i) {
         uint32_t choice;
         ws->cost = (verge_cost){ 0 };
         if (!choose(ws, batch, chain, lane, &choice)) {
@@ -114,19 +114,19 @@ static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* s
             return true;
         }
         const uint32_t leg = choice / batch->offset_count;
-        for (uint32_t j = 0; j < batch->offset_count; j += 1) {
-            batch->marks[leg * batch->offset_count + j] |= VG_TRIED; // the next: another speed
+        for (uint32_t j = 0; j < batch->offset_count; ++j) {
+            batch->marks[leg * batch->offset_count + j] |= VG_TRIED; // next: another end speed
         }
     }
     return false;
 }
 
-/// Continues from instant `start`, segment by segment, cheapest acceptable candidate each.
+/// Continues from instant `start`, with the cheapest acceptable candidate of each segment.
 static bool plan_rest(vg_workspace* ws, const chain* chain, const vg_segment* segments,
                       uint32_t count, uint32_t start, uint32_t lane)
 {
     const vg_job* job = chain->job;
-    for (uint32_t i = 0; i < count && start + 1 < job->def->points; i += 1) {
+    for (uint32_t i = 0; i < count && start + 1 < job->def->points; ++i) {
         const bool last = i + 1 == count;
         const uint32_t end = last ? job->def->points - 1 : instant_of(job, &segments[i]);
         if (end <= start) {
@@ -154,7 +154,8 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
     const verge_planner_def* def = job->def;
     const vg_path* keep = start == 0 ? NULL : ws->first.legs[0].path;
     const vg_path* path = vg_workspace_path(ws, job, lane, keep);
-    // On one's own lane one knows where one is: the nearest point may be another turn of a ring.
+    // On the vehicle's own lane the coordinate is known. A search could find another turn of a
+    // ring.
     const bool same = lane == (start == 0 ? job->lane : ws->lane);
     const double near = start == 0 ? job->s : ws->s;
     const double guess = same ? near
@@ -166,7 +167,7 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
     }
     batch->start = start;
     batch->in_lane = !vg_action_changes_lane(segment->action);
-    // What the vehicle does already cannot be undone at once: it widens the limits.
+    // The present acceleration cannot change at once: limits that it exceeds are widened.
     const double lateral = vg_abs(from->speed * from->speed * from->curvature);
     const double a = from->acceleration;
     batch->comfort = (vg_comfort){ 1.0 / vg_max(def->comfort_acceleration, 1.05 * a),
@@ -180,16 +181,16 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
     return true;
 }
 
-/// The cheapest candidate that passes; its points and its cost are then part of the trajectory.
+/// Chooses the cheapest acceptable candidate and adds its points and its cost to the trajectory.
 static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32_t lane,
                    uint32_t* choice)
 {
     const uint32_t count = batch->leg_count * batch->offset_count;
     const unsigned refuse = VG_TRIED | VG_INFEASIBLE | (chain->emergency ? 0u : VG_UNCOMFORTABLE);
-    for (uint32_t round = 0; round < count; round += 1) {
+    for (uint32_t round = 0; round < count; ++round) {
         uint32_t best = count;
         double least = VG_HUGE;
-        for (uint32_t i = 0; i < count; i += 1) {
+        for (uint32_t i = 0; i < count; ++i) {
             const double cost = batch->costs[i] + batch->leg_penalties[i / batch->offset_count]
                               + batch->offset_penalties[i % batch->offset_count];
             if ((batch->marks[i] & refuse) == 0 && cost < least) {
@@ -212,7 +213,7 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
             const vg_profile* profile = &batch->legs[best / batch->offset_count].profile;
             if (batch->start == 0) {
                 const vg_leg* leg = &batch->legs[best / batch->offset_count];
-                ws->settled = leg->by_way ? job->def->point_s * batch->last : leg->span;
+                ws->lateral_end = leg->by_distance ? job->def->point_s * batch->last : leg->span;
             }
             ws->lane = lane;
             ws->s = vg_profile_at(profile, job->def->point_s * (batch->last - batch->start)).s;
@@ -236,10 +237,10 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
     if (batch->in_lane && leaves_lane(ws, batch, job, lane, leg)) {
         return false;
     }
-    if ((batch->marks[candidate] & VG_ALARM) != 0 && meets_someone(ws, batch, chain)) {
+    if ((batch->marks[candidate] & VG_ALARM) != 0 && collides(ws, batch, chain)) {
         return false;
     }
-    const double braking = chain->emergency ? DEAD_END_BRAKING : job->def->comfort_braking;
+    const double braking = chain->emergency ? dead_end_braking : job->def->comfort_braking;
     const vg_lane* lanes = job->road->lanes;
     if (lanes[job->lane].dead_end
         && vg_workspace_runs_out(ws, job, &lanes[job->lane], batch->last, braking)) {
@@ -249,7 +250,7 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
         || !vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking);
 }
 
-/// Does a keeping segment end beyond the lane's border, and farther out than it began?
+/// Does a lane-keeping segment end beyond the lane boundary, and farther out than it began?
 static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
                         uint32_t lane, const vg_leg* leg)
 {
@@ -257,8 +258,8 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
     const uint32_t k0 = batch->start, k = batch->last;
     const double T = job->def->point_s * (k - k0);
     const vg_reference from = vg_path_at(leg->path, leg->s_start + leg->limits->rear_axle);
-    const double way = vg_profile_at(&leg->profile, T).s;
-    const vg_reference to = vg_path_at(leg->path, way + leg->limits->rear_axle);
+    const double s_end = vg_profile_at(&leg->profile, T).s;
+    const vg_reference to = vg_path_at(leg->path, s_end + leg->limits->rear_axle);
     const double d0 = vg_abs((body->y[k0] - from.y) * from.cos_heading
                              - (body->x[k0] - from.x) * from.sin_heading);
     const double d = vg_abs((body->y[k] - to.y) * to.cos_heading
@@ -266,18 +267,17 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
     return d > 0.5 * job->road->lanes[lane].width && d > d0;
 }
 
-/// The body's limits between the points too, and the jerk that brakes can build up. A stop may end
-/// with a jolt: at walking speed the braking force may vanish faster than the jerk limit, but not
-/// appear.
+/// Checks the limits of the body between the points as well, and the jerk limit of the brakes. At
+/// walking speed the braking force may decrease faster than the jerk limit, but not increase.
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset)
 {
-    const uint32_t count = (batch->last - batch->start) * LIMIT_PARTS;
-    for (uint32_t i = 1; i <= count; i += 1) {
-        const vg_row row = vg_leg_row(leg, def->point_s * i / LIMIT_PARTS);
+    const uint32_t count = (batch->last - batch->start) * limit_parts;
+    for (uint32_t i = 1; i <= count; ++i) {
+        const vg_row row = vg_leg_row(leg, def->point_s * i / limit_parts);
         const vg_rear rear = vg_rear_of(&row, offset);
         const bool jolts = row.s_ttt < -VG_JERK_MAX
-                        || (row.s_ttt > VG_JERK_MAX && row.s_t > JOLT_SPEED);
+                        || (row.s_ttt > VG_JERK_MAX && row.s_t > jolt_speed);
         if (jolts || !(vg_hard_ratio(leg->limits, &rear, row.s_t) <= 1.0)) {
             return false;
         }
@@ -285,17 +285,17 @@ static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, con
     return true;
 }
 
-/// Exact: does the vehicle or its trailer touch another body on the way to the end of this leg?
-static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* chain)
+/// The exact check: does the vehicle or its trailer touch another body up to the end of this leg?
+static bool collides(vg_workspace* ws, const vg_batch* batch, const chain* chain)
 {
     const verge_tracks* tracks = chain->tracks;
     const uint32_t own = chain->job->track_index, trailer = vg_trailer_of(tracks, own);
-    for (uint32_t i = 0; i < vg_workspace_bodies(ws); i += 1) {
-        for (uint32_t j = 0; j < tracks->count; j += 1) {
+    for (uint32_t i = 0; i < vg_workspace_bodies(ws); ++i) {
+        for (uint32_t j = 0; j < tracks->count; ++j) {
             const verge_track* other = &tracks->of[j];
-            if (j != own && j != trailer && body_meets(ws, i, batch, chain, j)) {
-                ws->refusals.human |= !other->controlled;
-                ws->refusals.planned |= other->controlled;
+            if (j != own && j != trailer && body_collides(ws, i, batch, chain, j)) {
+                ws->refusals.uncontrolled |= !other->controlled;
+                ws->refusals.controlled |= other->controlled;
                 return true;
             }
         }
@@ -304,8 +304,8 @@ static bool meets_someone(vg_workspace* ws, const vg_batch* batch, const chain* 
 }
 
 /// Does body i of the vehicle touch track j?
-static bool body_meets(const vg_workspace* ws, uint32_t i, const vg_batch* batch,
-                       const chain* chain, uint32_t j)
+static bool body_collides(const vg_workspace* ws, uint32_t i, const vg_batch* batch,
+                          const chain* chain, uint32_t j)
 {
     const verge_track* body = vg_workspace_body(ws, i);
     const verge_track* other = &chain->tracks->of[j];
@@ -314,15 +314,15 @@ static bool body_meets(const vg_workspace* ws, uint32_t i, const vg_batch* batch
     if ((ws->near_start[i] >> j & 1) == 0) {
         return vg_contact_first(body, other, clearance, batch->start, last) <= last;
     }
-    // Must part before the horizon ends, and not meet again.
+    // The bodies must separate before the end of the horizon, and not touch again.
     const bool whole = last + 1 == chain->job->def->points;
     return vg_contact_new(body, other, clearance, last) <= last
         || (whole && vg_contact_at(body, other, 0.0, last));
 }
 
-/// The lane whose line a segment follows, coming from `lane`. Keeping a lane means to go on along
-/// its path, through its successors; a change goes to the neighbour, even where the decision ends
-/// it on a lane that continues the neighbour.
+/// The lane whose line a segment follows, from `lane`. Lane keeping continues along the path of the
+/// lane, through its successors. A lane change leads to the neighbour, also if the decision ends it
+/// on a successor of the neighbour.
 static uint32_t reference_lane(const vg_job* job, const vg_segment* segment, uint32_t lane)
 {
     const verge_road* road = job->road;

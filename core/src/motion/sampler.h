@@ -10,7 +10,7 @@
 extern "C" {
 #endif
 
-/// A run of equal actions inside the planning horizon, with the state the decision expects at
+/// A run of equal actions within the planning horizon, and the state that the decision expects at
 /// its end (of the centre, on `lane`).
 typedef struct vg_segment {
     double   t0, t1;       ///< [s] t0 of the first is 0, t1 of the last is the planning horizon
@@ -28,7 +28,7 @@ typedef struct vg_job {
     uint32_t   lane;        ///< index of the lane the centre is on
     double     s, d;        ///< [m] of the centre on that lane
     int32_t    target;      ///< lane index, -1 none
-    double     curvature;   ///< [1/m] of the centre's path at t = 0, as well as it is known
+    double     curvature;   ///< [1/m] of the centre's path at t = 0, measured or estimated
     uint32_t   track_index; ///< of the vehicle itself in the tracks
     int32_t    change_lane; ///< index of the lane that the first segment changes to, -1 none
     uint32_t   segment_count;
@@ -37,14 +37,15 @@ typedef struct vg_job {
 
 typedef struct vg_workspace vg_workspace; ///< one per job, in the planner's arena
 
-/// Sized by the def's points and samples; null where it does not fit or the arena is measuring.
+/// Takes a workspace for the points and samples of the def. Null: it does not fit, or the arena is
+/// measuring.
 vg_workspace* vg_workspace_take(vg_arena* arena, const verge_planner_def* def);
-/// Plans all jobs (ordered by vehicle id): each for itself through the executor, against the
-/// tracks as predicted; then the joint check: where two planned trajectories overlap, the later
-/// id plans again against the earlier one's final trajectory, until nothing overlaps or only
-/// fallbacks do. Fills points, point_count, cost, status and reason of plans[job]. tracks of the
-/// planned vehicles are overwritten with their final trajectories.
-/// Returns the number of candidate trajectories evaluated.
+/// Plans all jobs, ordered by vehicle id. First each job is planned by the executor against the
+/// predicted tracks. Then the joint check: if two trajectories overlap, the vehicle with the later
+/// id is planned again against the final trajectory of the earlier one, until only fallbacks
+/// overlap. Fills points, point_count, cost, status and reason of plans[job]. The tracks of the
+/// controlled vehicles are overwritten with their final trajectories. Returns the number of
+/// candidate trajectories evaluated.
 uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs,
                              uint32_t job_count, verge_tracks* tracks, verge_vehicle_plan* plans,
                              uint32_t* replanned_count);

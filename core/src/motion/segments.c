@@ -8,16 +8,16 @@
 
 #include <string.h>
 
-// A change that has come this far beyond a centre goes on to the next one. [m]
+// A lane change whose end is beyond a centre by this much continues to the next centre. [m]
 static const double beyond_centre = 0.05;
 // A change that ends this near to a centre is complete. [m]
 static const double complete_within = 0.05;
-// The last of a change takes at least this long: what is left of it then is a correction. [s]
+// Shortest duration of the rest of a lane change. [s]
 static const double finish_min = 1.0;
-// As in flow.c: farther than this from the centre a change is under way. [m]
+// Farther than this from the centre a lane change is in progress, as VG_CENTRED. [m]
 static const double finishing_from = 0.3;
 
-// The lane a change is towards, as seen from a lane and an offset on it.
+// The lane to which a change leads, from a lane and an offset on it.
 static uint32_t changed_to(const verge_road* road, uint32_t lane, double d, uint8_t action)
 {
     const vg_lane* here = &road->lanes[lane];
@@ -30,10 +30,10 @@ static uint32_t changed_to(const verge_road* road, uint32_t lane, double d, uint
     return lane;
 }
 
-// A change during which the lane ends: it aims at the neighbour of the lane it began on, whose
-// line goes on beyond the seam.
-static void aim_over_lane_end(const verge_road* road, const vg_expected_state* start,
-                              const vg_expected_state* end, uint8_t action, vg_segment* segment)
+// End of a change during which the lane ends: it is stated on the neighbour of the first lane,
+// whose line continues on its successors.
+static void set_end_beyond_lane(const verge_road* road, const vg_expected_state* start,
+                                const vg_expected_state* end, uint8_t action, vg_segment* segment)
 {
     const uint32_t lane = start->lane;
     const bool left = action == VERGE_CHANGE_LEFT;
@@ -49,9 +49,10 @@ static void aim_over_lane_end(const verge_road* road, const vg_expected_state* s
                                                        : (double)end->d;
 }
 
-// Fills in where the run [from, to) is to end; `part` of its last step lies inside the horizon.
-static void aim(const verge_road* road, const vg_expected* expected, uint32_t from, uint32_t to,
-                double part, vg_segment* segment)
+// Sets the end of a segment that covers the steps [from, to). Of the last step only `part` lies
+// within the horizon.
+static void set_end(const verge_road* road, const vg_expected* expected, uint32_t from, uint32_t to,
+                    double part, vg_segment* segment)
 {
     const vg_expected_state* start = &expected->states[from];
     const vg_expected_state* last = &expected->states[to - 1u];
@@ -67,14 +68,15 @@ static void aim(const verge_road* road, const vg_expected* expected, uint32_t fr
     segment->lane = start->lane;
     segment->d = 0.0;
     if (vg_action_changes_lane(action) && road->lanes[end->lane].bundle == lane->bundle) {
-        // Where the change ends decides the lane; a cut change aims at its part of the way.
+        // The end of the change determines the lane. A change cut by the horizon covers a part of
+        // it.
         const uint32_t end_lane = end->lane;
         const double y = (double)last->y + part * (double)(end->y - last->y);
         const float station = last->station + (float)part * (end->station - last->station);
         segment->lane = changed_to(road, end_lane, (double)end->d, action);
         segment->d = y - (double)vg_lane_lateral(&road->lanes[segment->lane], station);
     } else if (vg_action_changes_lane(action)) {
-        aim_over_lane_end(road, start, end, action, segment);
+        set_end_beyond_lane(road, start, end, action, segment);
     }
     const vg_lane* reference = &road->lanes[segment->lane];
     const double s0 = vg_lane_s(reference, (double)start->station);
@@ -90,23 +92,25 @@ void vg_segments_from(const vg_expected* expected, vg_job* job)
     for (uint32_t from = 0; from < expected->step_count && t[from] < horizon - 1e-9;) {
         const uint8_t action = expected->actions[from];
         uint32_t to = from + 1u;
-        while (to < expected->step_count && expected->actions[to] == action && t[to] < horizon - 1e-9) {
+        while (to < expected->step_count && expected->actions[to] == action
+               && t[to] < horizon - 1e-9) {
             ++to;
         }
         vg_segment* segment = &job->segments[job->segment_count++];
         segment->t0 = t[from];
         segment->t1 = vg_min(t[to], horizon);
         const double part = (segment->t1 - t[to - 1u]) / (t[to] - t[to - 1u]);
-        aim(job->road, expected, from, to, part, segment);
+        set_end(job->road, expected, from, to, part, segment);
         from = to;
     }
     VERGE_ASSERT(job->segment_count > 0);
     const vg_segment* first = &job->segments[0];
-    const bool complete = vg_action_changes_lane(first->action) && vg_abs(first->d) <= complete_within;
+    const bool complete =
+        vg_action_changes_lane(first->action) && vg_abs(first->d) <= complete_within;
     job->change_lane = complete ? (int32_t)first->lane : -1;
 }
 
-// The decision's expectation between two steps. [m/s] and [m] driven until then
+// Expected speed at time t [m/s], and distance driven until then [m].
 static double expected_at(const vg_expected* expected, double t, double* distance)
 {
     uint32_t step = 0;
@@ -135,14 +139,15 @@ void vg_segments_finish_change(const vg_expected* expected, uint32_t lane, doubl
     const bool crossed = vg_road_continues(road, lane, job->lane);
     const bool arrives = vg_road_continues(road, lane, expected->states[step].lane);
     const bool to_left = here->left == (int32_t)lane, to_right = here->right == (int32_t)lane;
-    // Where the next change follows at once the vehicle need not come to rest between them.
+    // If another change follows directly, the vehicle does not stop its lateral motion between
+    // them.
     const bool goes_on = step < expected->step_count
                          && vg_action_changes_lane(expected->actions[step]);
     if (!arrives || goes_on || !(crossed || to_left || to_right)) {
         return;
     }
     const uint32_t reference = crossed ? job->lane : lane;
-    uint32_t gone = 0; // segments that the rest of the change takes the place of
+    uint32_t gone = 0; // segments that the rest of the change replaces
     while (gone < job->segment_count && job->segments[gone].t1 <= end + 1e-9) {
         ++gone;
     }

@@ -4,8 +4,7 @@
 #include "base/contract.h"
 #include "motion/follow.h"
 
-/// Region of end speeds. Below zero means a stop before the segment ends: a braking that would
-/// go on below zero is one that stops early. [m/s]
+/// Region of end speeds. A speed below zero stands for a stop before the end of the segment. [m/s]
 typedef struct region {
     double floor;             // hardest braking
     double low, centre, high;
@@ -31,24 +30,24 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
     batch->offset_count = spread(batch->offsets, def->sample_offsets, low, segment->d, high);
 
     const double points = batch->last - batch->start;
-    for (uint32_t i = 0; i < batch->offset_count; i += 1) {
+    for (uint32_t i = 0; i < batch->offset_count; ++i) {
         batch->offset_penalties[i] = changing ? VG_DECISION_PULL_OFFSET * points
                                                     * vg_square(batch->offsets[i] - segment->d)
                                               : 0.0;
     }
 
-    // A third of the speeds goes to braking below the region, where there is any.
+    // A third of the speeds samples braking below the region, if the region has a lower floor.
     const vg_following following = { path, tracks, job->track_index, limits->rear_axle,
                                      batch->start, batch->last, T, def->idm_gap, def->clearance };
     const region v = speed_region(job, segment, reference, &following, start, emergency);
     double speeds[VERGE_SAMPLE_SPEEDS_MAX];
     const uint32_t braking = v.floor < v.low ? def->sample_speeds / 3 : 0;
-    for (uint32_t i = 0; i < braking; i += 1) {
+    for (uint32_t i = 0; i < braking; ++i) {
         speeds[i] = v.floor + (v.low - v.floor) * i / braking;
     }
     batch->leg_count = braking + spread(speeds + braking, def->sample_speeds - braking, v.low,
                                         v.centre, v.high);
-    for (uint32_t i = 0; i < batch->leg_count; i += 1) {
+    for (uint32_t i = 0; i < batch->leg_count; ++i) {
         vg_leg* leg = &batch->legs[i];
         const double v1 = speeds[i], v0 = start->s_t;
         const double stop = v1 < 0.0 ? T * v0 / vg_max(v0 - v1, 1e-6) : T;
@@ -70,8 +69,9 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     const double v0 = start->s_t, T = following->T;
     const double eased = vg_max(v0 - VG_LIMIT_BRAKING * T,
                                 least_speed(start, T, 0.9 * def->comfort_jerk));
-    const double way = 0.5 * T * (v0 + vg_min(v0, segment->v));
-    const double allowed = speed_allowed(job, reference, start->s + following->rear_axle + way);
+    const double distance = 0.5 * T * (v0 + vg_min(v0, segment->v));
+    const double allowed =
+        speed_allowed(job, reference, start->s + following->rear_axle + distance);
     const double top = vg_max(allowed, eased);
     region v;
     v.centre = vg_clamp(segment->v, 0.0, top);
@@ -96,8 +96,8 @@ static double least_speed(const vg_state* start, double T, double jerk)
     return start->s_t + (4.0 * start->s_tt * T - jerk * T * T) / 6.0;
 }
 
-/// Speed to drive at s of a lane or of what continues it: the limit, less in bends and before
-/// both (vg_bin).
+/// Highest speed at s of a lane or of its successors: the speed limit, or less in and before bends
+/// and before lower limits (vg_bin).
 static double speed_allowed(const vg_job* job, uint32_t lane, double s)
 {
     const verge_road* road = job->road;
@@ -108,11 +108,11 @@ static double speed_allowed(const vg_job* job, uint32_t lane, double s)
     return vg_min((double)at->bins[i].speed, (double)at->bins[i + 1].speed);
 }
 
-/// Uniform, and the sample nearest to the centre is the centre itself.
+/// Uniform samples; the one nearest to the centre is moved to the centre.
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high)
 {
     uint32_t nearest = 0;
-    for (uint32_t i = 0; i < count; i += 1) {
+    for (uint32_t i = 0; i < count; ++i) {
         out[i] = count > 1 ? low + (high - low) * i / (count - 1) : centre;
         if (vg_abs(out[i] - centre) < vg_abs(out[nearest] - centre)) {
             nearest = i;

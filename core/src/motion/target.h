@@ -1,6 +1,6 @@
-/// Target regions (section 3.2.2): where a segment may end. The decision's one end state becomes
-/// a region around it; lane keeping gets a larger one, which always reaches down to the hardest
-/// braking the jerk limit allows, so that a vehicle can yield in its lane.
+/// Target regions (section 3.2.2): the end states of a segment that are sampled, a region around
+/// the end state of the decision. The region of lane keeping is larger. It always includes the
+/// hardest braking that the jerk limit allows, so that a vehicle can yield in its lane.
 #ifndef VG_TARGET_H
 #define VG_TARGET_H
 
@@ -11,25 +11,24 @@
 extern "C" {
 #endif
 
-/// No trajectory of ours changes its acceleration faster: what brakes can build up. [m/s^3]
+/// Largest jerk of any trajectory: the rate at which brakes build up their force. [m/s^3]
 #define VG_JERK_MAX 12.0
 
-/// Holds a trajectory to its decision: cost of a missed end speed, per point [1/(m/s)^2]. The
-/// paper's cost has no such term, and without one the cheapest answer to AC is to stay as slow
-/// as the region allows. With 10 a vehicle told to gain 0.9 m/s gains about 0.75. It orders the
-/// candidates and is not part of the cost reported.
+/// Cost of the difference between end speed and decided speed, per point [1/(m/s)^2]. The cost of
+/// the paper has no such term, and without one the cheapest candidate for AC is the slowest of the
+/// region. With 10, a vehicle whose decision gains 0.9 m/s gains about 0.75 m/s. The term orders
+/// the candidates and is not part of the cost reported.
 #define VG_DECISION_PULL 10.0
-/// The same for the end offset of a change, where the paper's offset term is off: without it a
-/// change would end at the near edge of its region, always. Per point [1/m^2].
+/// The same for the end offset of a lane change, for which the paper has no offset term. Without
+/// it a lane change would always end at the near edge of its region. Per point [1/m^2].
 #define VG_DECISION_PULL_OFFSET 1.0
 
-/// Slowing down towards a speed limit that is lower than the speed driven. [m/s^2] coasting
+/// Deceleration towards a speed limit below the present speed: coasting. [m/s^2]
 #define VG_LIMIT_BRAKING 1.5
 
-/// Fills legs, penalties and offsets of a batch for one segment of length T from a state, between
-/// the batch's instants. The region comes down where someone is ahead (follow.h), and where the
-/// vehicle is faster than the speed limit.
-/// reference: the lane the path follows, whose speed limit holds.
+/// Fills legs, penalties and offsets of a batch for one segment of duration T from a state. The end
+/// speeds are lowered behind bodies ahead (follow.h) and above the speed limit.
+/// reference: the lane of the path, whose speed limit applies.
 void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limits,
                       const vg_segment* segment, const vg_path* path, uint32_t reference,
                       const vg_state* start, double T, const verge_tracks* tracks, bool emergency);

@@ -9,8 +9,8 @@
 static vg_rectangle pose_at(const verge_track* track, uint32_t k);
 static void put(verge_track* trailer, uint32_t k, const vg_rectangle* at, double speed);
 
-void vg_trailers_predict(verge_tracks* tracks, const verge_vehicle* vehicles, uint32_t vehicle_count,
-                         uint32_t points)
+void vg_trailers_predict(verge_tracks* tracks, const verge_vehicle* vehicles,
+                         uint32_t vehicle_count, uint32_t points)
 {
     VERGE_ASSERT(tracks->count == vehicle_count);
     for (uint32_t i = 0; i < vehicle_count; ++i) {

@@ -1,5 +1,5 @@
-/// The trailers of articulated vehicles as tracks of their own, behind those of the vehicles: for
-/// every other vehicle a trailer is one more body.
+/// Trailers of articulated vehicles. A trailer has a track of its own, after the tracks of the
+/// vehicles. For other vehicles it is one more body.
 #ifndef VG_MOTION_TRAILER_H
 #define VG_MOTION_TRAILER_H
 
@@ -16,15 +16,15 @@ static inline uint32_t vg_trailer_of(const verge_tracks* tracks, uint32_t own)
     return trailer == 0 ? own : trailer;
 }
 
-/// Adds a track for each trailer to those of the vehicles: it follows the track of its vehicle.
-void vg_trailers_predict(verge_tracks* tracks, const verge_vehicle* vehicles, uint32_t vehicle_count,
-                         uint32_t points);
+/// Adds a track for each trailer, which follows the track of its vehicle.
+void vg_trailers_predict(verge_tracks* tracks, const verge_vehicle* vehicles,
+                         uint32_t vehicle_count, uint32_t points);
 
-/// Sets a trailer's track at instant 0: as measured, else straight behind the tractor.
+/// Sets the track of a trailer at instant 0: as measured, else straight behind the tractor.
 void vg_trailer_start(const verge_vehicle* vehicle, const verge_body* body,
                       const verge_track* tractor, verge_track* trailer);
 
-/// Instants start + 1 .. last of a trailer that follows this track.
+/// Computes instants start + 1 .. last of a trailer that follows the track of its tractor.
 void vg_trailer_follow(const verge_body* body, const verge_track* tractor, verge_track* trailer,
                        uint32_t start, uint32_t last);
 

@@ -4,38 +4,34 @@
 #include "base/contract.h"
 #include "motion/trailer.h"
 
-/// Path kept behind the vehicle and beyond its farthest end. [m]
-#define PATH_BEHIND 30.0
-#define PATH_BEYOND 60.0
-/// Speed a vehicle can gain on what is planned. [m/s]
-#define PATH_SPEED_GAIN 10.0
-/// Beyond the speed of any vehicle or lane that is accepted. [m/s]
-#define PATH_SPEED_MAX 70.0
-/// The farthest end of any path. [m]
-#define PATH_AHEAD_MAX (600.0 - PATH_BEHIND)
-/// Way who is over a lane's end already gets for building up the brakes' force. [m]
-#define OVER_END_SLACK 1.0
-
-/// Limits already broken at t = 0 are taken this much above what is measured. [1]
-#define WIDENING 1.05
+static const double path_behind = 30.0;     // [m] length of a path behind the vehicle
+static const double path_beyond = 60.0;     // [m] length of a path beyond the distance driven
+static const double path_speed_gain = 10.0; // [m/s] above the speed of vehicle and lane
+static const double path_speed_max = 70.0;  // [m/s] highest speed of any vehicle or lane
+static const double path_ahead_max = 570.0; // [m] largest length of a path ahead of the vehicle
+/// Distance for building up the braking force beyond the end of a lane. [m]
+static const double over_end_distance = 1.0;
+/// Factor above the measured value, for limits exceeded at t = 0. [1]
+static const double widening = 1.05;
 
 static void widen(vg_limits* limits, const vg_motion* start);
-static void note_near(vg_workspace* ws, uint32_t i, const vg_job* job, const verge_tracks* tracks);
-static bool in_front(const verge_track* body, const verge_track* other);
+static void find_near(vg_workspace* ws, uint32_t i, const vg_job* job, const verge_tracks* tracks);
+static bool is_in_front(const verge_track* body, const verge_track* other);
 
-// Knots that the longest path of a job takes: as long as the fastest vehicle drives within the horizon.
+// Largest number of knots of a path: the distance that the fastest vehicle drives in the horizon.
 static uint32_t path_knots(const verge_planner_def* def)
 {
     const double horizon = def->point_s * (def->points - 1);
-    const double ahead = vg_min((PATH_SPEED_MAX + PATH_SPEED_GAIN) * horizon + PATH_BEYOND, PATH_AHEAD_MAX);
-    return (uint32_t)((PATH_BEHIND + ahead) / VG_KNOT_SPACING) + 3u;
+    const double ahead =
+        vg_min((path_speed_max + path_speed_gain) * horizon + path_beyond, path_ahead_max);
+    return (uint32_t)((path_behind + ahead) / VG_KNOT_SPACING) + 3u;
 }
 
 vg_workspace* vg_workspace_take(vg_arena* arena, const verge_planner_def* def)
 {
     vg_workspace* ws = vg_arena_take(arena, sizeof *ws);
     vg_workspace measured = { .lane = 0 };
-    vg_workspace* to = ws != NULL ? ws : &measured; // a measuring arena hands out nothing
+    vg_workspace* to = ws != NULL ? ws : &measured; // a measuring arena returns null
     vg_paths_take(to->paths, arena, path_knots(def));
     vg_batch_take(&to->first, arena, def);
     vg_batch_take(&to->later, arena, def);
@@ -52,7 +48,7 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks*
     ws->limits = vg_limits_of(&ws->shape);
     ws->start = vg_motion_of_rear(&centre, ws->limits.rear_axle);
     if (ws->start.speed < 1e-3) {
-        ws->start.speed = 0.0; // at rest nothing pulls backwards
+        ws->start.speed = 0.0; // a standing vehicle does not accelerate backwards
         ws->start.acceleration = vg_max(ws->start.acceleration, 0.0);
     }
     widen(&ws->limits, &ws->start);
@@ -73,29 +69,29 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks*
     if (vg_workspace_bodies(ws) > 1) {
         vg_trailer_start(v, &ws->shape, body, &ws->trailer);
     }
-    for (uint32_t i = 0; i < vg_workspace_bodies(ws); i += 1) {
-        note_near(ws, i, job, tracks);
+    for (uint32_t i = 0; i < vg_workspace_bodies(ws); ++i) {
+        find_near(ws, i, job, tracks);
     }
 }
 
-/// Other bodies that are near one of the vehicle's own at t = 0 already.
-static void note_near(vg_workspace* ws, uint32_t i, const vg_job* job, const verge_tracks* tracks)
+/// Finds the other bodies that are near body i of the vehicle at t = 0.
+static void find_near(vg_workspace* ws, uint32_t i, const vg_job* job, const verge_tracks* tracks)
 {
     const verge_track* body = vg_workspace_body(ws, i);
-    for (uint32_t j = 0; j < tracks->count; j += 1) {
+    for (uint32_t j = 0; j < tracks->count; ++j) {
         const verge_track* other = &tracks->of[j];
         if (j != job->track_index && j != vg_trailer_of(tracks, job->track_index)
             && vg_contact_at(body, other, job->def->clearance, 0)) {
             ws->near_start[i] |= (uint64_t)1 << j;
             const bool overlap = vg_contact_at(body, other, 0.0, 0);
             ws->refusals.overlap |= overlap;
-            ws->blocking |= (uint64_t)(i == 0 && overlap && in_front(body, other)) << j;
+            ws->blocking |= (uint64_t)(i == 0 && overlap && is_in_front(body, other)) << j;
         }
     }
 }
 
-/// What the vehicle does already cannot be undone at once: a truck downhill drives faster than its
-/// limiter, a measured acceleration may be more than the engine's.
+/// Widens the limits that are exceeded at t = 0: the present motion cannot change at once. A truck
+/// may drive downhill faster than its limiter, and a measured acceleration may exceed the engine's.
 static void widen(vg_limits* limits, const vg_motion* start)
 {
     const double v = start->speed, a = start->acceleration;
@@ -103,19 +99,19 @@ static void widen(vg_limits* limits, const vg_motion* start)
     const double lateral = v * v * start->curvature * limits->lateral_share;
     const double square = a * a + lateral * lateral;
     if (v * limits->per_speed > 1.0) {
-        limits->per_speed = 1.0 / (WIDENING * v);
+        limits->per_speed = 1.0 / (widening * v);
     }
     if (engine * limits->per_acceleration > 1.0) {
-        limits->per_acceleration = 1.0 / (WIDENING * engine);
+        limits->per_acceleration = 1.0 / (widening * engine);
     }
     if (square * limits->per_braking_squared > 1.0) {
-        limits->per_braking_squared = 1.0 / (WIDENING * WIDENING * square);
+        limits->per_braking_squared = 1.0 / (widening * widening * square);
     }
 }
 
-/// Of two bodies that overlap: is the other one in front, rather than behind or at the side,
-/// where a quarter of a width at most is shared?
-static bool in_front(const verge_track* body, const verge_track* other)
+/// Of two bodies that overlap: is the other one in front? It is not if it is behind, or at the side
+/// with a lateral overlap of less than a quarter of the mean width.
+static bool is_in_front(const verge_track* body, const verge_track* other)
 {
     const double c = body->cos_heading[0], s = body->sin_heading[0];
     const double x = other->x[0] - body->x[0], y = other->y[0] - body->y[0];
@@ -127,7 +123,7 @@ static bool in_front(const verge_track* body, const verge_track* other)
 const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t lane,
                                  const vg_path* keep)
 {
-    for (uint32_t i = 0; i < 2; i += 1) {
+    for (uint32_t i = 0; i < 2; ++i) {
         if (ws->path_lanes[i] == (int32_t)lane) {
             return &ws->paths[i];
         }
@@ -137,9 +133,9 @@ const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t l
     const vg_lane* of = &job->road->lanes[lane];
     const double guess = lane == job->lane ? job->s : __builtin_nan("");
     const double s = vg_lane_project(of, ws->start.x, ws->start.y, guess);
-    const double speed = vg_max(ws->start.speed, of->speed_limit) + PATH_SPEED_GAIN;
-    const double ahead = vg_min(speed * horizon + PATH_BEYOND, PATH_AHEAD_MAX);
-    vg_path_build(&ws->paths[slot], job->road, lane, job->target, s - PATH_BEHIND, s + ahead);
+    const double speed = vg_max(ws->start.speed, of->speed_limit) + path_speed_gain;
+    const double ahead = vg_min(speed * horizon + path_beyond, path_ahead_max);
+    vg_path_build(&ws->paths[slot], job->road, lane, job->target, s - path_behind, s + ahead);
     ws->path_lanes[slot] = (int32_t)lane;
     return &ws->paths[slot];
 }
@@ -150,7 +146,7 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
     VERGE_ASSERT(last < VERGE_POINTS_MAX);
     verge_track* body = &ws->body;
     const double rear_axle = ws->limits.rear_axle;
-    for (uint32_t k = start + 1; k <= last; k += 1) {
+    for (uint32_t k = start + 1; k <= last; ++k) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
         const vg_rear rear = vg_rear_of(&row, offset);
         ws->motion[k] = rear;
@@ -171,7 +167,7 @@ bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_l
 {
     const verge_track* body = &ws->body;
     double s = __builtin_nan(""), end = lane->length;
-    for (uint32_t k = 0; k <= last; k += 1) {
+    for (uint32_t k = 0; k <= last; ++k) {
         s = vg_lane_project(lane, body->x[k], body->y[k], s);
         const vg_reference at = vg_lane_at(lane, s);
         const double d = (body->y[k] - at.y) * at.cos_heading
@@ -179,7 +175,7 @@ bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_l
         const bool inside = vg_abs(d) <= 0.5 * lane->width;
         double front = s + body->half_length;
         if (k == 0 && inside && front > lane->length) {
-            end = front + body->speed[0] * body->speed[0] / (2.0 * braking) + OVER_END_SLACK;
+            end = front + body->speed[0] * body->speed[0] / (2.0 * braking) + over_end_distance;
         }
         if (k + 1 == job->def->points) {
             front += body->speed[k] * body->speed[k] / (2.0 * braking);
@@ -209,7 +205,7 @@ void vg_workspace_emit(const vg_workspace* ws, const vg_job* job, verge_vehicle_
     plan->cost = ws->cost;
     plan->points[0] = (verge_point){ 0.0, v->x, v->y, v->heading, v->speed, v->acceleration,
                                      job->curvature, 0.0 };
-    for (uint32_t k = 1; k < job->def->points; k += 1) {
+    for (uint32_t k = 1; k < job->def->points; ++k) {
         const vg_rear* rear = &ws->motion[k];
         const vg_motion motion = vg_motion_of(rear);
         const vg_motion centre = vg_motion_of_centre(&motion, rear->curvature_t,

@@ -173,7 +173,8 @@ static void test_success_requires_that_no_vehicle_stands_without_a_cause_at_the_
         assert_true(metrics_reached(&self.metrics));
         self.world.vehicles[2].present = false; // a vehicle that left is not a cause
         tick(&self);
-        assert_int_equal(metrics_success(&self.metrics), cases[i].x > 850.0 || cases[i].speed >= 0.5);
+        assert_int_equal(metrics_success(&self.metrics),
+                         cases[i].x > 850.0 || cases[i].speed >= 0.5);
         close_stage(&self);
     }
 }

@@ -18,7 +18,8 @@ typedef struct site {
     verge_planner* planner;
 } site;
 
-/// One lane: three quarters of a circle around the origin. direction 1: to the left, -1: to the right.
+/// One lane: three quarters of a circle around the origin. direction 1: to the left, -1: to the
+/// right.
 static site site_make(double radius, double direction)
 {
     static double points[POINTS][2];

@@ -10,7 +10,8 @@ build_dir=$2
 work=$3
 fail() { echo "package: $*" >&2; exit 1; }
 command -v dpkg-deb >/dev/null || { echo "SKIPPED: dpkg-deb is missing"; exit 77; }
-command -v dpkg-shlibdeps >/dev/null || { echo "SKIPPED: dpkg-shlibdeps is missing (Debian: dpkg-dev)"; exit 77; }
+command -v dpkg-shlibdeps >/dev/null ||
+    { echo "SKIPPED: dpkg-shlibdeps is missing (Debian: dpkg-dev)"; exit 77; }
 
 rm -rf "$work"
 mkdir -p "$work"

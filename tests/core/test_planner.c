@@ -276,7 +276,8 @@ static void a_vehicle_with_one_bad_field_is_refused_and_the_plan_unchanged(void*
     }
     assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]), VERGE_OK);
     vehicles[1].y = 300.0;
-    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]), VERGE_ERR_OFF_ROAD);
+    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]),
+                     VERGE_ERR_OFF_ROAD);
     free(on.memory);
 }
 

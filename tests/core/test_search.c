@@ -76,7 +76,8 @@ static double best_of_all(const stage* at, const vg_flow* flow, uint32_t step_in
     }
     for (uint32_t number = 0; number < combinations; ++number) {
         uint8_t actions[VERGE_CONTROLLED_MAX] = { 0 };
-        if (legal_joint_action(at, &moves, number, actions) && vg_flow_conflicts(&at->scene, flow, &moves, actions) == 0) {
+        if (legal_joint_action(at, &moves, number, actions)
+            && vg_flow_conflicts(&at->scene, flow, &moves, actions) == 0) {
             vg_flow next = *flow;
             vg_flow_advance(&at->scene, flow, &moves, actions, &next);
             best = fmax(best, best_of_all(at, &next, step_index + 1));

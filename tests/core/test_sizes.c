@@ -73,7 +73,8 @@ static void test_the_size_of_a_node_is_the_stated_one(void** state)
     assert_int_equal(vg_node_size(64, 16), (uint32_t)(empty + 64.0 * vehicle + 16.0 * controlled));
 }
 
-/// What an on-vehicle unit holds besides its road, whatever the road: no tree, no room for 64 others.
+/// What an on-vehicle unit holds besides its road, whatever the road: no tree, no room for 64
+/// others.
 static void test_one_vehicle_with_8_neighbours_takes_96_kibibytes_at_most(void** state)
 {
     (void)state;

@@ -398,7 +398,8 @@ static void of_the_vehicles_own_track_only_its_size_counts(void** state)
                      VERGE_ERR_VEHICLE);
 }
 
-// Nobody has checked the habit of an uncontrolled vehicle, which weighs the costs of its trajectory.
+// The habit of an uncontrolled vehicle is not checked, though it weighs the costs of its
+// trajectory.
 static void only_a_controlled_vehicle_of_the_scene_is_planned(void** state)
 {
     (void)state;

@@ -708,7 +708,8 @@ static void tell(const stage* at, const vg_flow* flow, const uint8_t* actions, s
     }
 }
 
-/// R_i in its three parts, less what tight changes cost; a story that ended early drives on as it is.
+/// R_i in its three parts, less what tight changes cost; a story that ended early drives on as it
+/// is.
 static double reward_of(const stage* at, const story* of, uint32_t i)
 {
     const verge_planner_def* def = &at->def;

@@ -71,7 +71,8 @@ static inline void stage_decide(const stage* at, vg_random random, stage_decisio
 }
 
 /// The tracks of a scene as begun, by a predictor of its own.
-static inline void stage_predict(const stage* at, const verge_decision* decision, verge_tracks* tracks)
+static inline void stage_predict(const stage* at, const verge_decision* decision,
+                                 verge_tracks* tracks)
 {
     const size_t size = (verge_predictor_memory_size(&at->def) + 63) / 64 * 64;
     void* memory = aligned_alloc(64, size);

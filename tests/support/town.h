@@ -102,8 +102,8 @@ static inline void town_grid(town* self, int side, double block)
     }
 }
 
-/// Four arms of `lanes` lanes to each side: every lane leads straight on, the left ones to every lane
-/// on the left, the right ones to every lane on the right.
+/// Four arms of `lanes` lanes to each side: every lane leads straight on, the left ones to every
+/// lane on the left, the right ones to every lane on the right.
 static inline void town_junction(town* self, int lanes)
 {
     memset(self, 0, sizeof *self);

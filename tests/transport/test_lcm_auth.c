@@ -623,7 +623,8 @@ static void test_only_messages_from_allowed_addresses_are_accepted(void** state)
         fail_msg("told as: %s", said[0]);
     }
 
-    // Messages of channels that were not requested, such as own plans, are ignored from any address.
+    // Messages of channels that were not requested, such as own plans, are ignored from any
+    // address.
     const verge_vehicle_plan_t plan = { .vehicle_id = 3 };
     transport_publish_plan(sender, &plan);
     assert_int_equal(drained(receiver, &message), 0);

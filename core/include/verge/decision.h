@@ -112,7 +112,7 @@ typedef struct verge_commitment {
 typedef struct verge_decider verge_decider;
 
 /// Size of the memory for verge_decider_init() [B]; 0 if the def is not valid. It grows with
-/// nodes_max, vehicles_max and controlled_max.
+/// nodes_max, vehicles_max, controlled_max and road.lane_count (def.h).
 size_t verge_decider_memory_size(const verge_planner_def* def);
 
 /// Builds a decider in the caller's memory, which must be aligned to 64 bytes. The def is copied.

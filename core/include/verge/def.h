@@ -22,8 +22,10 @@ typedef void verge_executor(void* context, void (*task)(void* arg, uint32_t inde
 /// How a planner is built. Start from verge_planner_default_def() and change single fields.
 /// Defaults, ranges and meaning of the scalar fields: verge_planner_params().
 typedef struct verge_planner_def {
-    verge_road_def road; ///< read by verge_planner_init() only; stages take a built road. They
-                         ///< keep less about its lanes where lane_count says that they are few
+    /// verge_planner_init() builds it. Stages take a built road; of this one they read lane_count
+    /// alone, to keep memory for no more lanes than there are. 0: any road. Not less than the lanes
+    /// of the roads they are used with: a vehicle on a lane that does not fit is related to no other.
+    verge_road_def road;
 
     uint64_t seed;              ///< any value; seed of the only random generator
     uint32_t search;            ///< verge_search

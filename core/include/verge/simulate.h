@@ -11,7 +11,7 @@ extern "C" {
 typedef struct verge_humans verge_humans;
 
 /// Size of the memory for verge_humans_init() [B]; 0 if the def is not valid. It grows with
-/// vehicles_max.
+/// vehicles_max and road.lane_count (def.h).
 size_t verge_humans_memory_size(const verge_planner_def* def);
 /// Builds the model in the caller's memory, which must be aligned to 64 bytes. The def is copied.
 /// @retval VERGE_ERR_DEF, VERGE_ERR_MEMORY  *humans is null

@@ -58,7 +58,7 @@ void verge_track_set(verge_track* track, uint32_t k, double x, double y, double 
 typedef struct verge_predictor verge_predictor;
 
 /// Size of the memory for verge_predictor_init() [B]; 0 if the def is not valid. It grows with
-/// vehicles_max.
+/// vehicles_max and road.lane_count (def.h).
 size_t verge_predictor_memory_size(const verge_planner_def* def);
 /// Builds a predictor in the caller's memory, which must be aligned to 64 bytes. The def is copied.
 /// @retval VERGE_ERR_DEF, VERGE_ERR_MEMORY  *predictor is null

@@ -231,8 +231,8 @@ static void lay_first(vg_road_draft* draft, uint32_t index)
     vg_lane* lane = &draft->road->lanes[index];
     const vg_lane_storage* storage = &draft->storage[index];
     lane->station_start = 0.0;
-    lane->bin_count = (uint32_t)(vg_clamp(lane->length / VG_BIN, 0.0, 1e6)) + 2;
-    VERGE_ASSERT(lane->bin_count <= storage->bin_capacity);
+    const uint32_t bins = (uint32_t)(vg_clamp(lane->length / VG_BIN, 0.0, 1e6)) + 2;
+    lane->bin_count = bins < storage->bin_capacity ? bins : storage->bin_capacity;
     for (uint32_t i = 0; i < lane->bin_count; ++i) {
         storage->bins[i].s = (float)(VG_BIN * (double)i);
     }
@@ -275,7 +275,7 @@ static void lay_beside(vg_road_draft* draft, uint32_t index, uint32_t neighbour)
         const double step = vg_clamp(target - at, rate_min * h, rate_max * h);
         rate = step / h;
         double next_bin = lane->station_start + VG_BIN * (double)count;
-        while (next_bin <= at + step && count < storage->bin_capacity) {
+        while (next_bin <= at + step && count + 1u < storage->bin_capacity) { // one is for the end
             storage->bins[count++] = (vg_bin){ .s = (float)(s + (next_bin - at) / rate),
                                                .lateral = (float)lateral };
             next_bin = lane->station_start + VG_BIN * (double)count;

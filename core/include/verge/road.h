@@ -1,10 +1,10 @@
 /// A road: any graph of lanes, as surveyed.
 ///
-/// The caller describes lanes by polylines; the planner fits a smooth reference line to each
-/// (continuous heading and curvature, the smoothest one that stays within 0.15 m of the survey;
-/// 0.3 m of single points of it, and where lanes merge; verge_road_deviation() tells what it came
-/// to), finds which neighbours run beside where,
-/// which lanes meet downstream, and where lanes that are not neighbours run through the same area.
+/// The caller describes lanes by polylines. The planner fits a smooth reference line to each, with
+/// continuous heading and curvature: the smoothest line within 0.15 m of the survey, or 0.3 m of
+/// single points and at merges. verge_road_deviation() returns the deviation. The planner also
+/// finds where neighbours run side by side, which lanes meet downstream, and where lanes that are
+/// not neighbours run through the same area.
 ///
 /// Lifetime    A call that takes a def reads it, and all that it points to, only until it returns.
 #ifndef VERGE_ROAD_H
@@ -32,7 +32,7 @@ typedef struct verge_lane_def {
     int32_t  left, right;           ///< lane id of the same-direction neighbour, or VERGE_NO_LANE
     int32_t  successors[VERGE_SUCCESSORS_MAX]; ///< start within 20 m and 90 degrees of this end
     uint32_t successor_count;
-    bool     change_left_given, change_right_given; ///< false: allowed wherever the neighbour is beside
+    bool     change_left_given, change_right_given; ///< false: allowed all along the neighbour
     /// Not empty, apart from one another; none where there is no neighbour.
     verge_stretch change_left[VERGE_STRETCHES_MAX], change_right[VERGE_STRETCHES_MAX];
     uint32_t change_left_count, change_right_count;
@@ -58,8 +58,8 @@ typedef struct verge_road_fault {
 /// @retval VERGE_ERR_ROAD  fault states the first defect, in lane order
 verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault);
 
-/// A built road. It lives in the memory it was built in: that of its planner (verge_planner_road()),
-/// or the caller's (verge_road_init()).
+/// A built road. It lives in the memory it was built in: that of its planner
+/// (verge_planner_road()), or the caller's (verge_road_init()).
 typedef struct verge_road verge_road;
 
 /// Bytes verge_road_init() needs; 0 if the road is refused. The road keeps *road_size (may be null)
@@ -89,7 +89,7 @@ bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
                    double* x, double* y, double* heading);
 
 // Of an unknown lane these are 0, VERGE_NO_LANE or false. In all functions `road` is not null.
-double  verge_road_length(const verge_road* road, int32_t lane_id);      ///< [m] of the reference line
+double  verge_road_length(const verge_road* road, int32_t lane_id);      ///< [m] reference line
 double  verge_road_width(const verge_road* road, int32_t lane_id);       ///< [m]
 double  verge_road_speed_limit(const verge_road* road, int32_t lane_id); ///< [m/s]
 /// [m] distance of the surveyed point that lies furthest from the lane's reference line. Surveys

@@ -1,5 +1,4 @@
-/// How a road comes into being: the stages of vg_road_build(), in their order. Each reads what
-/// the ones before it have written.
+/// The stages of vg_road_build(), in their order. Each reads the results of the stages before it.
 #ifndef VG_ROAD_BUILD_H
 #define VG_ROAD_BUILD_H
 
@@ -9,18 +8,18 @@
 extern "C" {
 #endif
 
-/// What a fitted line may deviate from its survey, across it: as much as a polyline's chords miss a
-/// curve of 50 m radius at 8 m spacing; recorded maps are good to a few decimetres. [m]
+/// Largest lateral deviation of a fitted line from its survey. A polyline with points 8 m apart has
+/// this deviation from a curve of 50 m radius; recorded maps are accurate to a few decimetres. [m]
 #define VG_FIT_TOLERANCE 0.15
 /// Single points of a noisy survey are not followed: up to VG_FIT_OUTLIER the tolerance counts only
 /// where the line is off by VG_FIT_MEAN on the mean of VG_FIT_WINDOW metres to each side. [m]
 #define VG_FIT_OUTLIER 0.30
 #define VG_FIT_MEAN 0.11
 #define VG_FIT_WINDOW 6.0
-/// As much more may it deviate at a merge or diverge, falling to nothing over VG_FIT_SEAM metres:
-/// surveys let branches meet the main lane at an angle that no vehicle drives. [m]
-#define VG_FIT_SEAM_TOLERANCE 0.15
-#define VG_FIT_SEAM 20.0
+/// Additional deviation at a merge or diverge, which falls to 0 over VG_FIT_JOINT metres: in
+/// surveys branches meet the main lane at an angle that no vehicle can drive. [m]
+#define VG_FIT_JOINT_TOLERANCE 0.15
+#define VG_FIT_JOINT 20.0
 /// Surveyed points nearer to one another than this are averaged: the fit takes a sample a metre,
 /// and the mean of several points has less noise than each. [m]
 #define VG_SURVEY_SPACING 0.5
@@ -41,12 +40,12 @@ typedef struct vg_lane_storage {
 /// Two lanes whose surveys come near one another without being neighbours or successors, a < b.
 typedef struct vg_meeting {
     uint16_t a, b;
-    uint16_t areas_max; ///< areas that there is room for
+    uint16_t areas_max; ///< capacity for areas
 } vg_meeting;
 
 typedef struct vg_meetings {
     uint32_t pairs, areas; ///< how many, and the sum of areas_max
-    int32_t  crowded;      ///< a lane with more than VERGE_CONFLICTS_MAX, at which counting ends; -1 none
+    int32_t  crowded;      ///< a lane with more than VERGE_CONFLICTS_MAX, where counting ends; -1
 } vg_meetings;
 
 /// Counts the meetings of a road, and lists them, ordered by a and b, where list is not null.
@@ -93,7 +92,7 @@ void   vg_road_bundle(vg_road_draft* draft);        ///< stations, bins (bundle.
 size_t vg_road_bundle_scratch_size(const verge_road_def* def);
 void   vg_road_grid_take(vg_grid* grid, vg_arena* arena, const verge_road_def* def);
 void   vg_road_grid(vg_road_draft* draft);          ///< what is near a point (grid.c)
-void   vg_road_route(vg_road_draft* draft);         ///< ways to all targets (route.c)
+void   vg_road_route(vg_road_draft* draft);         ///< routes to all targets (route.c)
 size_t vg_road_route_scratch_size(const verge_road_def* def);
 void   vg_road_relate(vg_road_draft* draft);        ///< merges and conflicts (relate.c)
 size_t vg_road_relate_scratch_size(const verge_road_def* def, const vg_meetings* meetings);

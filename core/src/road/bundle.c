@@ -1,8 +1,8 @@
 /// Lanes that run side by side share one axis of stations and one lateral axis.
 ///
-/// The longest lane of a bundle lends its arc length as station. Every other lane is laid along a
-/// neighbour that has its place already: a point's station is that of the neighbour's point next
-/// to it. Where the two do not run together (yet, or any more) stations go on metre by metre.
+/// The station of the longest lane of a bundle is its arc length. Every other lane takes its
+/// stations from a neighbour that already has stations: a point has the station of the neighbour's
+/// point next to it. Where the two do not run side by side, station and arc length advance equally.
 #include "road/build.h"
 
 #include "base/contract.h"
@@ -13,26 +13,26 @@
 /// A lane's points this far from the neighbour, or turned this much, are not beside it.
 static const double beside_distance = 15.0; // [m]
 static const double beside_cosine = 0.7;    // [1]
-/// Metres of station a metre of lane, at least and at most. Two lanes of a roundabout are 8 m and
-/// 12 m from its centre; more than that is bad survey.
+/// Smallest and largest station per metre of lane. Two lanes of a roundabout may be 8 m and 12 m
+/// from its centre; larger ratios are errors of the survey.
 static const double rate_min = 0.5;
 static const double rate_max = 2.0;
-/// Where a change of lanes is possible: centres between 0.4 and 1.6 mean widths apart, directions
-/// within 0.5 rad (cosine).
+/// A lane change is possible where the centres are 0.4 to 1.6 mean widths apart and the directions
+/// differ by at most 0.5 rad (cosine).
 static const double gap_min = 0.4, gap_max = 1.6;
 static const double change_cosine = 0.87758256189037271;
 
 /// Lanes that start or end together do so within this. [m]
 static const double end_slack = 0.05;
 
-/// Bends are driven at this lateral acceleration; what lies ahead is slowed down for at this
-/// deceleration. [m/s^2] Well inside the comfort limits, so that trajectories have room.
+/// Lateral acceleration in bends, and deceleration before bends and lower limits. Both are well
+/// below the comfort limits, so that trajectories can deviate. [m/s^2]
 static const double bend_lateral = 2.5;
 static const double approach = 0.5;
-/// A bin answers for the bends from this before it to this behind the next one. [m]
+/// A bin includes the bends from this distance before it to this distance behind the next one. [m]
 static const double bend_reach = 2.0;
-/// How many short lanes ahead of a slow one know of it.
-enum { seam_rounds = 4 };
+/// Number of lanes over which a lower speed is propagated against the direction of travel.
+enum { joint_rounds = 4 };
 
 /// Which lanes are neighbours, in scratch.
 typedef struct links {
@@ -81,7 +81,7 @@ void vg_road_bundle(vg_road_draft* draft)
         fill_gaps(draft, i);
         fill_speeds(draft, i);
     }
-    for (uint32_t round = 0; round < seam_rounds; ++round) { // on over the seams, lane by lane
+    for (uint32_t round = 0; round < joint_rounds; ++round) { // one lane further in each round
         for (uint32_t i = 0; i < road->lane_count; ++i) {
             look_ahead(draft, i);
         }
@@ -102,7 +102,8 @@ uint32_t vg_lane_bin_capacity(const verge_lane_def* lane)
     return (uint32_t)vg_clamp(bins, 0.0, 1e6) + 4;
 }
 
-/// Neighbours by their own word or by the other's: a lane's part of all->of, with repetitions.
+/// Lists the neighbours that a lane names or that name the lane: its part of all->of, with
+/// repetitions.
 static bool links_from(links* all, const vg_road_draft* draft)
 {
     const struct verge_road* road = draft->road;
@@ -151,7 +152,7 @@ static int32_t placed_beside(const links* all, uint32_t lane)
     return lowest;
 }
 
-/// Everyone connected with `lane`, in the order of the lanes; returns how many.
+/// The lanes connected with `lane` as neighbours, in the order of the lanes; returns their number.
 static uint32_t members_of(links* all, uint32_t lane)
 {
     uint32_t count = 1;
@@ -239,8 +240,8 @@ static void lay_first(vg_road_draft* draft, uint32_t index)
     lane->station_end = lane->length;
 }
 
-/// Walks the lane in steps of a metre, knows each point's station, and puts down a bin whenever
-/// the station has come to the next one.
+/// Steps along the lane metre by metre, computes the station of each point, and stores a bin
+/// whenever the station has reached the next one.
 static void lay_beside(vg_road_draft* draft, uint32_t index, uint32_t neighbour)
 {
     vg_lane* lane = &draft->road->lanes[index];
@@ -248,7 +249,7 @@ static void lay_beside(vg_road_draft* draft, uint32_t index, uint32_t neighbour)
     const vg_lane_storage* storage = &draft->storage[index];
     const double h = lane->line.knot_spacing;
 
-    // The first point beside tells where the lane starts.
+    // The first point beside the neighbour determines the station at which the lane starts.
     double station = 0.0, lateral = 0.0;
     trace last = { .s = 0.0 };
     uint32_t first = 0;
@@ -358,8 +359,8 @@ static void fill_speeds(vg_road_draft* draft, uint32_t index)
     }
 }
 
-/// Nobody slows down at once: speeds rise no faster against the direction of travel than a gentle
-/// deceleration allows. Over a seam the fastest continuation counts, for the way is not known.
+/// Limits the speeds so that a gentle deceleration reaches every lower speed ahead. At the end of a
+/// lane the fastest successor counts, because the route is not known.
 static void look_ahead(vg_road_draft* draft, uint32_t index)
 {
     vg_lane* lane = &draft->road->lanes[index];

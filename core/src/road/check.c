@@ -1,4 +1,4 @@
-/// What a road must be, sentence by sentence, before anything is built from it.
+/// Checks the definition of a road, before anything is built from it.
 #include "road/build.h"
 
 #include "base/contract.h"
@@ -26,16 +26,16 @@ static const verge_lane_def* find(const checked* road, int32_t id);
 
 #define TEXT_OF(number) TEXT_OF_EXPANDED(number)
 #define TEXT_OF_EXPANDED(number) #number
-/// Coordinates beyond this lose the last millimetres of a double's precision in squares. [m]
+/// Beyond this the precision of squared coordinates is worse than millimetres. [m]
 static const double coordinate_max = VERGE_LIMIT_POSITION;
-/// Directions are taken between points at least so far apart: nearer ones tell more of the
-/// survey's noise, a decimetre or two, than of the road. [m]
+/// Smallest distance of the points between which a direction is measured. The noise of a survey,
+/// one or two decimetres, would dominate over shorter distances. [m]
 static const double direction_length = 0.5;
-/// Cosine of the sharpest turn a centreline may make at a point, 150 degrees. Coarse surveys cut
-/// corners of 90 degrees and more; beyond 150 the lane leads back over itself.
+/// Cosine of the sharpest turn of a centreline at a point, 150 degrees. Coarse surveys have corners
+/// of 90 degrees and more; beyond 150 degrees the lane leads back over itself.
 static const double turn_cosine_min = -0.86602540378443865;
-/// Cosine of the sharpest turn into a successor, 90 degrees with room for rounding: who ends
-/// northwards does not go on southwards; more likely the other lane is drawn in reverse.
+/// Cosine of the sharpest turn into a successor, 90 degrees and a tolerance for rounding. A larger
+/// turn means that one of the lanes is drawn in reverse.
 static const double successor_cosine_min = -1e-6;
 
 static verge_status refuse(verge_road_fault* fault, uint32_t lane_index, const char* field,
@@ -61,7 +61,7 @@ verge_status verge_road_check(const verge_road_def* def, verge_road_fault* fault
     vg_lanes_sort(def, road.by_id);
     uint32_t index = 0;
     const char* field = "id";
-    const char* text = check_names(&road, &index); // without names references mean nothing
+    const char* text = check_names(&road, &index); // first: references need valid ids
     for (uint32_t i = 0; text == NULL && i < def->lane_count; ++i) {
         index = i;
         text = check_lane(&road, i, &field);
@@ -115,7 +115,8 @@ static const char* check_lane(const checked* road, uint32_t index, const char** 
     *field = "right";
     text = check_neighbour(road, index, lane->right);
     if (text == NULL && lane->right != VERGE_NO_LANE && lane->right == lane->left) {
-        text = "one lane cannot be on the left and on the right; VERGE_NO_LANE (-1) where there is none";
+        text = "one lane cannot be on the left and on the right; VERGE_NO_LANE (-1) where there is "
+               "none";
     }
     if (text != NULL) {
         return text;
@@ -232,7 +233,7 @@ static const char* check_neighbour(const checked* road, uint32_t index, int32_t 
     return find(road, id) == NULL ? "names a lane that does not exist" : NULL;
 }
 
-/// Does whoever goes on from lane to next turn by more than 90 degrees?
+/// Does the road turn by more than 90 degrees from lane to next?
 static bool turns_round(const verge_lane_def* lane, const verge_lane_def* next)
 {
     return turns_beyond(direction_at_end(lane), direction_at_start(next), successor_cosine_min);
@@ -256,7 +257,7 @@ static const char* check_successors(const checked* road, const verge_lane_def* l
             }
         }
         if (next->points == NULL || next->point_count < 1) {
-            continue; // that lane's own check tells
+            continue; // reported by the check of that lane
         }
         const double dx = next->points[0][0] - end[0];
         const double dy = next->points[0][1] - end[1];
@@ -270,7 +271,7 @@ static const char* check_successors(const checked* road, const verge_lane_def* l
     return NULL;
 }
 
-/// No stretch at all needs no neighbour: nowhere is allowed, and nowhere it is.
+/// Without a neighbour there must be no stretch.
 static const char* check_changes(const verge_lane_def* lane, int32_t neighbour,
                                  const verge_stretch* stretches, uint32_t count)
 {
@@ -287,7 +288,7 @@ static const char* check_stretches(const verge_lane_def* lane, const verge_stret
         return "more stretches than the capacity of " TEXT_OF(VERGE_STRETCHES_MAX)
                " (VERGE_STRETCHES_MAX)";
     }
-    // Surveys and line lengths differ by decimetres; a stretch that means "to the end" passes.
+    // Survey and line differ in length by decimetres; a stretch to the end of either is valid.
     const double length = vg_survey_length(lane), end = length + 5.0;
     for (uint32_t i = 0; i < count; ++i) {
         if (!vg_finite(stretches[i].s0) || !vg_finite(stretches[i].s1)) {

@@ -1,16 +1,16 @@
 /// From surveyed polylines to reference lines.
 ///
-/// Lanes joined one to one are fitted as one chain, so that nothing shows at their seams. Of each
-/// chain: (1) its survey, with up to 60 m of the lanes before and after it as context, becomes a
-/// list of vertices; (2) a shape through them that is a circle where the survey turns evenly and
+/// Lanes joined one to one are fitted as one chain, so that the line is smooth at their joints. Of
+/// each chain: (1) its survey, with up to 60 m of the lanes before and after it as context, becomes
+/// a list of vertices; (2) a shape through them that is a circle where the survey turns evenly and
 /// straight where it is straight; (3) samples of that shape every metre; (4) the smoothest samples
 /// near these: least squares with a penalty on third differences, which leaves straight lines and
 /// parabolas as they are,
 ///
 ///     minimise  sum w_i (q_i - p_i)^2  +  sum (L_i / h)^6 (q_i+3 - 3 q_i+2 + 3 q_i+1 - q_i)^2
 ///
-/// where L, the length it smooths over, begins at 12 m and shrinks wherever the result would leave
-/// the survey (VG_FIT_TOLERANCE and its kin); (5) knots at equal arc length and one C2 spline
+/// where L, the smoothing length, begins at 12 m and is reduced wherever the result would exceed
+/// the tolerances (VG_FIT_TOLERANCE and others); (5) knots at equal arc length and one C2 spline
 /// through all of them.
 ///
 /// At a merge or a diverge one chain is fitted first and holds its neighbours' ends in place.
@@ -65,7 +65,7 @@ typedef struct vertex {
     double  turn;   ///< [rad] (nearly) from the chord before to the chord behind
     double  chord;  ///< [m] to the next vertex
     double  length; ///< [m] of the shape to the next vertex
-    int32_t seam;   ///< lane of the chain that begins here; lane_count at the end; -1 none
+    int32_t joint;   ///< lane of the chain that begins here; lane_count at the end; -1 none
 } vertex;
 
 typedef struct sample {
@@ -87,7 +87,7 @@ typedef struct fit {
     double         origin_x, origin_y; ///< sums are kept small by working relative to it
     vertex*  vertices;
     uint32_t vertex_count, vertex_capacity;
-    double*  seams;             ///< [1] sample coordinate of each seam
+    double*  joints;             ///< [1] sample coordinate of each joint
     sample*  samples;
     uint32_t sample_count, sample_capacity;
     double   spacing;           ///< [m] of samples along the shape
@@ -102,7 +102,7 @@ static void fit_chain(fit* self);
 static void vertices_collect(fit* self);
 static void context_before(fit* self);
 static void context_after(fit* self);
-static void vertex_add(fit* self, double x, double y, double weight, int32_t seam);
+static void vertex_add(fit* self, double x, double y, double weight, int32_t joint);
 static void vertices_measure(fit* self);
 static void vertices_split(fit* self);
 static void vertices_shape(fit* self);
@@ -200,7 +200,7 @@ static void fit_chain(fit* self)
                &self->sample_capacity);
     self->vertices = vg_arena_take(scratch, self->vertex_capacity * sizeof *self->vertices);
     self->samples = vg_arena_take(scratch, self->sample_capacity * sizeof *self->samples);
-    self->seams = vg_arena_take(scratch, (self->lane_count + 1) * sizeof *self->seams);
+    self->joints = vg_arena_take(scratch, (self->lane_count + 1) * sizeof *self->joints);
     double** arrays[7] = { &self->arc, &self->x, &self->y, &self->xss, &self->yss, &self->h,
                            &self->work };
     for (int i = 0; i < 7; ++i) {
@@ -309,18 +309,18 @@ static void vertices_collect(fit* self)
         if (k > 0) { // the joint is one point: the middle of the two ends
             last->x = 0.5 * (last->x + lane->points[0][0] - self->origin_x);
             last->y = 0.5 * (last->y + lane->points[0][1] - self->origin_y);
-            last->seam = (int32_t)k;
+            last->joint = (int32_t)k;
             first = 1;
-        } else if (last != NULL && last->seam == 0) {
-            first = 1; // a fitted lane before us gives the seam
+        } else if (last != NULL && last->joint == 0) {
+            first = 1; // the joint is that of the fitted lane before
         }
         double point[2];
         vg_survey survey = vg_survey_from(lane, false);
         for (uint32_t i = 0; vg_survey_next(&survey, point); ++i) {
             const bool is_last = survey.next == lane->point_count;
-            const int32_t seam = i == 0 ? (int32_t)k : is_last ? (int32_t)k + 1 : -1;
+            const int32_t joint = i == 0 ? (int32_t)k : is_last ? (int32_t)k + 1 : -1;
             if (i >= first) {
-                vertex_add(self, point[0], point[1], 1.0, seam);
+                vertex_add(self, point[0], point[1], 1.0, joint);
             }
         }
     }
@@ -328,7 +328,7 @@ static void vertices_collect(fit* self)
 }
 
 /// Adds a vertex; one that (nearly) repeats the one before only passes on its mark.
-static void vertex_add(fit* self, double x, double y, double weight, int32_t seam)
+static void vertex_add(fit* self, double x, double y, double weight, int32_t joint)
 {
     VERGE_ASSERT(self->vertex_count < self->vertex_capacity);
     x -= self->origin_x;
@@ -336,17 +336,17 @@ static void vertex_add(fit* self, double x, double y, double weight, int32_t sea
     if (self->vertex_count > 0) {
         vertex* last = &self->vertices[self->vertex_count - 1];
         if (vg_square(x - last->x) + vg_square(y - last->y) < 0.01 * 0.01) {
-            if (last->seam < 0) {
-                last->seam = seam;
+            if (last->joint < 0) {
+                last->joint = joint;
             }
-            if (last->seam >= 0 && seam > last->seam) { // the lane's end came twice
-                last->seam = seam;
+            if (last->joint >= 0 && joint > last->joint) { // the lane's end came twice
+                last->joint = joint;
             }
             return;
         }
     }
     self->vertices[self->vertex_count++] = (vertex){ .x = x, .y = y, .weight = weight,
-                                                     .seam = seam };
+                                                     .joint = joint };
 }
 
 /// Unit vector along the survey's stretch number `skip` from its end (or start), in travel
@@ -396,7 +396,8 @@ static void end_direction(const verge_lane_def* lane, bool last, double* x, doub
 }
 
 /// Of the lanes before (or behind) `lane` the one whose direction at the joint fits best, -1 none;
-/// of equal ones the first by index. A fitted lane is preferred: it will not give way.
+/// of equal ones the first by index. A fitted lane is preferred, because it does not change any
+/// more.
 static int32_t best_joint(const fit* self, uint32_t lane, bool before)
 {
     const verge_road_def* def = self->draft->def;
@@ -479,7 +480,7 @@ static bool context_add(context_lane* lane, double (*points)[3], uint32_t* count
 }
 
 /// The line or survey of the lanes beyond the chain's end, walked away from it: fills points and
-/// weights, nearest first, and returns how many. held: the nearest one is a fitted seam.
+/// weights, nearest first, and returns how many. held: the nearest one is a fitted joint.
 static uint32_t context_walk(const fit* self, bool before, double (*points)[3], bool* held)
 {
     const verge_road_def* def = self->draft->def;
@@ -509,7 +510,8 @@ static void context_before(fit* self)
     double points[CONTEXT_VERTICES][3];
     bool held;
     const uint32_t count = context_walk(self, true, points, &held);
-    // The point nearest to us comes last. If it is only surveyed, our own first point is the seam.
+    // The nearest point comes last. If it is only surveyed, the first point of the chain is the
+    // joint.
     for (uint32_t i = count; i-- > (held ? 0u : 1u);) {
         vertex_add(self, points[i][0], points[i][1], points[i][2], held && i == 0 ? 0 : -1);
     }
@@ -522,7 +524,7 @@ static void context_after(fit* self)
     const uint32_t count = context_walk(self, false, points, &held);
     const int32_t end = (int32_t)self->lane_count;
     if (held && self->vertex_count > 1) {
-        self->vertex_count--; // the fitted seam takes the place of our own last point
+        self->vertex_count--; // the fitted joint replaces the last point of the chain
     }
     for (uint32_t i = held ? 0 : 1; i < count; ++i) {
         vertex_add(self, points[i][0], points[i][1], points[i][2], held && i == 0 ? end : -1);
@@ -615,7 +617,7 @@ static void vertices_split(fit* self)
             source[count++] = (vertex){ .x = old[i].x + t * (old[i + 1].x - old[i].x),
                                         .y = old[i].y + t * (old[i + 1].y - old[i].y),
                                         .weight = vg_min(old[i].weight, old[i + 1].weight),
-                                        .seam = -1 };
+                                        .joint = -1 };
         }
     }
     self->vertex_count = count;
@@ -678,20 +680,20 @@ static void samples_take(fit* self)
     const vertex* v = self->vertices;
     double total = 0.0;
     for (uint32_t i = 0; i + 1 < self->vertex_count; ++i) {
-        if (v[i].seam >= 0) {
-            self->seams[v[i].seam] = total;
+        if (v[i].joint >= 0) {
+            self->joints[v[i].joint] = total;
         }
         total += v[i].length;
     }
-    if (v[self->vertex_count - 1].seam >= 0) {
-        self->seams[v[self->vertex_count - 1].seam] = total;
+    if (v[self->vertex_count - 1].joint >= 0) {
+        self->joints[v[self->vertex_count - 1].joint] = total;
     }
     const double wanted = vg_clamp(total / sample_spacing, 7.0,
                                    (double)(self->sample_capacity - 2));
     self->sample_count = (uint32_t)wanted + 2;
     self->spacing = total / (double)(self->sample_count - 1);
     for (uint32_t k = 0; k <= self->lane_count; ++k) {
-        self->seams[k] /= self->spacing;
+        self->joints[k] /= self->spacing;
     }
 
     uint32_t at = 0;
@@ -714,13 +716,13 @@ static void samples_take(fit* self)
 /// More slack towards those ends of the chain where a fitted neighbour holds the line.
 static void samples_slacken(fit* self)
 {
-    const double ends[2] = { self->seams[0], self->seams[self->lane_count] };
+    const double ends[2] = { self->joints[0], self->joints[self->lane_count] };
     const bool held[2] = { self->vertices[0].weight > 1.0,
                            self->vertices[self->vertex_count - 1].weight > 1.0 };
     for (uint32_t i = 0; i < self->sample_count; ++i) {
         for (int end = 0; end < 2; ++end) {
             const double way = vg_abs((double)i - ends[end]) * self->spacing;
-            const double slack = VG_FIT_SEAM_TOLERANCE * (1.0 - way / VG_FIT_SEAM);
+            const double slack = VG_FIT_JOINT_TOLERANCE * (1.0 - way / VG_FIT_JOINT);
             if (held[end]) {
                 self->samples[i].slack = vg_max(self->samples[i].slack, slack);
             }
@@ -793,7 +795,7 @@ static void samples_solve(fit* self)
     }
 }
 
-/// Is the line within the tolerance? Where not, it shall be smoothed over less.
+/// Is the line within the tolerance? Where it is not, the smoothing length is reduced.
 static bool samples_check(fit* self)
 {
     sample* p = self->samples;
@@ -925,8 +927,8 @@ static void point_at_arc(const fit* self, double s, uint32_t* hint, double point
 /// collected in the samples (whose job is done), then moved to where the solver wants them.
 static void knots_place(fit* self)
 {
-    const double first = arc_at(self, self->seams[0]);
-    const double last = arc_at(self, self->seams[self->lane_count]);
+    const double first = arc_at(self, self->joints[0]);
+    const double last = arc_at(self, self->joints[self->lane_count]);
     const double before = vg_clamp(first, 0.0, (double)CONTEXT_KNOTS);
     const double total = self->arc[self->sample_count - 1];
     const double behind = vg_clamp(total - last, 0.0, (double)CONTEXT_KNOTS);
@@ -940,8 +942,8 @@ static void knots_place(fit* self)
     }
     for (uint32_t k = 0; k < self->lane_count; ++k) {
         vg_lane* lane = &self->draft->road->lanes[self->lanes[k]];
-        const double start = arc_at(self, self->seams[k]);
-        lane->length = vg_max(arc_at(self, self->seams[k + 1]) - start, 0.01);
+        const double start = arc_at(self, self->joints[k]);
+        lane->length = vg_max(arc_at(self, self->joints[k + 1]) - start, 0.01);
         lane->line.knot_spacing = lane->length / (double)(lane->line.knot_count - 1);
         n = knots_add(self, n, start, lane->line.knot_spacing, lane->line.knot_count - 1, &hint);
     }

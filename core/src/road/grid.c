@@ -106,7 +106,8 @@ static void box_of(vg_chunk* chunk, const vg_line* line)
             high[axis] = vg_max(high[axis], at[axis]);
         }
     }
-    const double slack = box_slack + 1e-7 * vg_max(vg_max(high[0], high[1]), -vg_min(low[0], low[1]));
+    const double slack =
+        box_slack + 1e-7 * vg_max(vg_max(high[0], high[1]), -vg_min(low[0], low[1]));
     chunk->x0 = (float)(low[0] - slack);
     chunk->y0 = (float)(low[1] - slack);
     chunk->x1 = (float)(high[0] + slack);

@@ -7,19 +7,21 @@
 #include <assert.h>
 #include <string.h>
 
-static_assert(VERGE_LANES_NEAR_MAX >= 8 && VERGE_LANES_NEAR_MAX <= 64, "near lanes are 64-bit sets");
+static_assert(VERGE_LANES_NEAR_MAX >= 8 && VERGE_LANES_NEAR_MAX <= 64,
+              "near lanes are 64-bit sets");
 
 // Distances along the graph at which lanes are near. [m]
 static const double near_max = 700.0;         // horizon of the search at motorway speed
 static const double uncontrolled_from = 300.0; // beyond the lanes around controlled vehicles
 static const double aside = 5.0;              // to a lane beside
 static const double across = 10.0;            // to a lane that crosses or merges
-// Ways from a vehicle to its lane's ends count in whole steps, so that the near lanes stay the same
-// over some cycles. [m]
-static const double way_step = 50.0;
+// Distances from a vehicle to the ends of its lane are rounded to whole steps, so that the near
+// lanes stay the same over some cycles. [m]
+static const double distance_step = 50.0;
 
 enum { NO_TARGET = -1, FREE = -2 };
-// An on-vehicle unit sees few vehicles and has little memory: 8 lanes and one a vehicle are near.
+// An on-vehicle unit has few vehicles and little memory: 8 lanes, and one more per vehicle, are
+// near.
 enum { few_vehicles = 16 };
 
 static void choose_lanes(vg_local* self, const struct verge_road* road, const vg_source* sources,
@@ -144,7 +146,7 @@ static void spread(vg_local* self, const struct verge_road* road, uint32_t lane,
 
 static double in_steps(double way)
 {
-    return way_step * (double)(uint32_t)(vg_max(way, 0.0) / way_step);
+    return distance_step * (double)(uint32_t)(vg_max(way, 0.0) / distance_step);
 }
 
 static void spread_from_sources(vg_local* self, const struct verge_road* road,
@@ -222,10 +224,10 @@ static float larger(float a, float b)
     return a > b ? a : b;
 }
 
-/// Where both lead to a common lane nearer than `best`: b as it appears to a, else unrelated. A lane
-/// that comes from a common lane nearer still has parted, and is as good as unrelated.
-static vg_relation merging(const vg_local* self, const struct verge_road* road, uint32_t a, uint32_t b,
-                           float best)
+/// The relation of b to a if both lead to a common lane nearer than `best`, else unrelated. Lanes
+/// that have diverged from a common lane which is nearer are unrelated.
+static vg_relation merging(const vg_local* self, const struct verge_road* road, uint32_t a,
+                           uint32_t b, float best)
 {
     const vg_downstream* from_a = &self->downstream[a * self->capacity];
     const vg_downstream* from_b = &self->downstream[b * self->capacity];
@@ -299,7 +301,8 @@ static void relate(vg_local* self, const struct verge_road* road)
     self->rings = false;
     for (uint32_t a = 0; a < self->count; ++a) {
         for (uint32_t b = 0; b < self->count; ++b) {
-            const bool same = road->lanes[self->lanes[a]].bundle == road->lanes[self->lanes[b]].bundle;
+            const bool same =
+                road->lanes[self->lanes[a]].bundle == road->lanes[self->lanes[b]].bundle;
             const bool round = same || (ring[a] > 0.0 && ring[b] > 0.0);
             vg_relation* relation = &self->relations[a * stride + b];
             *relation = relation_of(self, road, a, b, round ? ring[a] : 0.0);

@@ -1,6 +1,6 @@
-/// The part of the road near the vehicles of one scene: how its lanes are related. In the memory of a
-/// stage, kept from scene to scene as far as it stays the same; what it answers depends on the scene
-/// alone.
+/// The relations of the lanes near the vehicles of one scene. They are in the memory of a stage.
+/// Relations of lanes that stay near are kept from scene to scene, but the results depend on the
+/// present scene only.
 ///
 /// Near are the lanes with the least distance along the graph (successors, predecessors,
 /// neighbours, lanes that cross) from a controlled vehicle; uncontrolled vehicles count as 300 m
@@ -26,7 +26,7 @@ typedef struct vg_reach {
 
 /// Lanes downstream of one lane, found by vg_reach_walk().
 typedef struct vg_reach_table {
-    const uint8_t* local;   ///< [lane] place in the table, VG_NOT_LOCAL: leave it out; null: all lanes
+    const uint8_t* local;   ///< [lane] place in the table, VG_NOT_LOCAL: left out; null: all lanes
     vg_reach *row, *entry;  ///< [capacity] the answer; what is known of each lane's start
     uint8_t*  state;
     uint16_t *touched, *open;
@@ -36,8 +36,8 @@ typedef struct vg_reach_table {
 void vg_reach_take(vg_reach_table* table, vg_arena* arena, uint32_t capacity);
 /// Forgets the last walk: needed before `local` changes.
 void vg_reach_clear(vg_reach_table* table);
-/// Fills the table from lane `from` on; returns the length of the way round back to its bundle, 0 if
-/// there is none within reach. [m]
+/// Fills the table from lane `from` on; returns the length of the way round back to its bundle, 0
+/// if there is none within reach. [m]
 double vg_reach_walk(vg_reach_table* table, const struct verge_road* road, uint32_t from);
 const vg_reach* vg_reach_of(const vg_reach_table* table, uint32_t lane);
 
@@ -61,9 +61,9 @@ typedef struct vg_local {
     int32_t*  targets;          ///< [columns] lane index, -1 none, -2 free
     uint64_t* used;             ///< [columns] when it was last asked for
     uint64_t  uses;
-    uint64_t* matters;          ///< [columns][capacity] near lanes (bits by place) that a vehicle on
-                                ///< the lane has to look at on its way: related lanes less the
-                                ///< branches it will not take
+    uint64_t* matters;          ///< [columns][capacity] near lanes (bits by place) that a vehicle
+                                ///< on the lane takes into account: related lanes without the
+                                ///< branches that are not on its route
     vg_reach_table reach;
 } vg_local;
 

@@ -22,7 +22,7 @@ typedef struct box {
 typedef struct boxes {
     const verge_road_def* def;
     uint16_t by_id[VERGE_LANES_MAX];
-    uint16_t beside[VERGE_LANES_MAX]; ///< links of lanes that are neighbours, directly or through others
+    uint16_t beside[VERGE_LANES_MAX]; ///< links of neighbours, directly or through others
     box      of[VERGE_LANES_MAX];
 } boxes;
 

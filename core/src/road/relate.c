@@ -1,7 +1,7 @@
-/// Lanes that run through the same area without being neighbours: is it because they merge, because
-/// they have parted, or do they conflict? Only pairs whose surveys come near one another are looked
-/// at. What merges is kept with the offset that relates vehicles on both; what conflicts, with the
-/// stretches where bodies could touch.
+/// Classifies pairs of lanes that are not neighbours but run through the same area: they merge,
+/// they have diverged, or they conflict. Only pairs whose surveys come near one another are
+/// examined. For merging lanes the offset that relates vehicles on both is stored, for conflicting
+/// lanes the stretches where bodies could touch.
 #include "road/local.h"
 
 #include "road/build.h"
@@ -11,7 +11,7 @@
 
 #include <stddef.h>
 
-/// Lanes whose ends come together run to them side by side; nearer than this they are one. [m]
+/// Lanes with a common end converge towards it; bodies can touch below this distance. [m]
 static const double touch_distance = VG_BODY_WIDTH_MAX;
 /// A run that ends this close to a lane's end reaches it. [m]
 static const double end_slack = 3.0;
@@ -105,7 +105,8 @@ static void find_parted(work* self)
 
 /// Merging: the lane's station from which the lanes are close up to its end; +VG_HUGE if they are
 /// not. Diverged: its station up to which they are close from its start on; -VG_HUGE if not.
-static double touch_station(const struct verge_road* road, uint32_t lane, uint32_t other, bool merging)
+static double touch_station(const struct verge_road* road, uint32_t lane, uint32_t other,
+                            bool merging)
 {
     const vg_lane* of = &road->lanes[lane];
     vg_run runs[VG_RUNS_MAX];
@@ -123,7 +124,8 @@ static void find_merge(const work* self, pair* pair)
     uint32_t nearest = VERGE_LANES_MAX;
     for (uint32_t k = 0; k < self->from_a.touched_count; ++k) {
         const uint32_t c = self->from_a.touched[k];
-        const vg_reach *from_a = vg_reach_of(&self->from_a, c), *from_b = vg_reach_of(&self->from_b, c);
+        const vg_reach *from_a = vg_reach_of(&self->from_a, c),
+                       *from_b = vg_reach_of(&self->from_b, c);
         const double cost = vg_max(from_a->cost, from_b->cost);
         if (cost < pair->cost || (cost == pair->cost && cost < VG_HUGE && c < nearest)) {
             nearest = c;
@@ -198,7 +200,8 @@ uint32_t vg_lane_runs(const vg_lane* lane, const vg_lane* other, double limit, b
             run->other_to = vg_max(run->other_to, there);
         }
         inside = close;
-        // Far away nothing can be missed: distances change by a metre a metre. The end is walked.
+        // Far from the other lane larger steps miss nothing: the distance changes by at most 1 m
+        // per metre. The last step ends at the end of the lane.
         step = vg_max(walk_step, distance - limit);
         if (s < lane->length && s + step > lane->length) {
             step = lane->length - s;
@@ -210,7 +213,8 @@ uint32_t vg_lane_runs(const vg_lane* lane, const vg_lane* other, double limit, b
     return count;
 }
 
-/// Takes away what merging covers already, behind `touch`, or parting, before it.
+/// Removes the part that the relation covers already: behind `touch` of merging lanes, before it of
+/// diverged lanes.
 static uint32_t cut_related(const vg_lane* lane, const pair* pair, double touch, vg_run* runs,
                             uint32_t count)
 {
@@ -232,7 +236,7 @@ static void widen(vg_run* run, const vg_run* by)
     run->to = vg_max(run->to, by->to);
 }
 
-/// An area more than there is room for becomes part of the pair's last one.
+/// An area beyond the capacity is joined to the last area of the pair.
 static void area_add(work* self, pair* pair, const vg_run* on_a, const vg_run* on_b)
 {
     if (pair->count == pair->meeting.areas_max) {
@@ -334,7 +338,7 @@ static void store_merges(const work* self)
 static vg_conflict conflict_from(const struct verge_road* road, const uint32_t lanes[2],
                                  const area* area, uint32_t side)
 {
-    // Half a step on both sides: the walk may have missed that much.
+    // Half a step is added on both sides: the sampling may have missed that much.
     const double pad = 0.5 * walk_step;
     const vg_lane *lane = &road->lanes[lanes[side]], *other = &road->lanes[lanes[1 - side]];
     const vg_run* own = side == 0 ? &area->on_a : &area->on_b;
@@ -358,8 +362,8 @@ static void store_conflicts(const work* self)
                 const uint32_t side = k % 2;
                 uint32_t* at = &from[lanes[side] + 1];
                 if (pass == 1) {
-                    road->conflicts[*at] = conflict_from(road, lanes, &self->areas[pair->first + k / 2],
-                                                         side);
+                    road->conflicts[*at] =
+                        conflict_from(road, lanes, &self->areas[pair->first + k / 2], side);
                 }
                 ++*at;
             }

@@ -1,6 +1,5 @@
-/// Building a road stage by stage, and asking it questions. What is difficult is elsewhere: fitting
-/// in fit.c, stations in bundle.c, merges and conflicts in relate.c, routes in route.c, what is near
-/// a point in grid.c.
+/// Builds a road in stages, and answers queries. Fitting is in fit.c, stations in bundle.c, merges
+/// and conflicts in relate.c, routes in route.c, the look-up of lanes near a point in grid.c.
 #include "road/road.h"
 
 #include "base/contract.h"

@@ -1,11 +1,11 @@
-/// The built road: what the public road.h promises, as core sees it.
+/// The built road, for core.
 ///
-/// Lanes are addressed by index (their order in the def). Beside its own arc length s each lane
-/// has a *station*: lanes that are neighbours of one another, directly or through others, form a
-/// bundle, and share one station axis and one lateral axis: two vehicles of a bundle are side by
-/// side when their stations are equal, and y = lateral[lane](station) + d compares them laterally
-/// whichever lane each is on. That makes leader and follower a subtraction in the search.
-/// Bundles that are joined by successors are related by an offset (vg_relation).
+/// Lanes are addressed by index (their order in the def). Lanes that are neighbours, directly or
+/// through others, form a bundle. Besides its own arc length s, each lane has a *station*: all
+/// lanes of a bundle share one station axis and one lateral axis. Two vehicles of a bundle are side
+/// by side if their stations are equal, and y = lateral[lane](station) + d compares them laterally,
+/// also on different lanes. So the search finds leader and follower by subtraction. Bundles that
+/// are joined by successors are related by an offset (vg_relation).
 #ifndef VG_ROAD_INTERNAL_H
 #define VG_ROAD_INTERNAL_H
 
@@ -26,14 +26,14 @@ extern "C" {
 /// Spacing of the station bins. [m]
 #define VG_BIN 4.0
 
-/// What a lane is like around one station, sampled every VG_BIN metres of station from
-/// lane->station_start on; between bins linear.
+/// The properties of a lane at one station, sampled every VG_BIN metres of station from
+/// lane->station_start on; linear between bins.
 typedef struct vg_bin {
     float s;          ///< [m] arc length of the lane at this station
     float lateral;    ///< [m] y of the lane's centre on the bundle's lateral axis
     float left_gap;   ///< [m] > 0 to the left neighbour's centre; 0: no change to the left here
     float right_gap;  ///< [m] > 0 to the right neighbour's centre; 0: no change to the right here
-    float speed;      ///< [m/s] to drive here: the limit, less in bends and before them
+    float speed;      ///< [m/s] highest speed here: the limit, or less in and before bends
 } vg_bin;             // legal stretches are already applied to the gaps
 
 typedef struct vg_lane {
@@ -47,42 +47,42 @@ typedef struct vg_lane {
     uint32_t successor_count;
     double   speed_min;            ///< [m/s] least of the bins
     bool     change_left, change_right; ///< some bin has that gap
-    bool     dead_end;             ///< nothing continues it though a neighbour goes on for >= 20 m:
-                                   ///< whoever is on it must leave it or stop before its end
+    bool     dead_end;             ///< no successor, but a neighbour continues for >= 20 m:
+                                   ///< vehicles must leave the lane or stop before its end
     uint32_t bundle;
     double   station_start, station_end; ///< [m] station at s = 0 and at s = length
     uint32_t bin_count;            ///< covers station_start .. station_end
     const vg_bin* bins;
 } vg_lane;
 
-/// How a vehicle on lane B appears to one on lane A, see local.h.
-/// Its station as A sees it is station_B + offset, its lateral position y_B + lateral.
+/// Converts the position of a vehicle on lane B to the axes of lane A, see local.h: its station is
+/// station_B + offset, its lateral position y_B + lateral.
 typedef struct vg_relation {
     float   offset;   ///< [m] add to B's station
     float   lateral;  ///< [m] add to B's y
     float   period;   ///< [m] > 0: A and B lie on one ring of this length; wrap differences into
                       ///< +-period/2
-    float   touch;    ///< [m] A's station from which bodies on A and B can touch. -VG_HUGE: anywhere
-                      ///< (same bundle, or joined by successors); merging lanes: where they come
-                      ///< close for good, +VG_HUGE if not before A's end
+    float   touch;    ///< [m] A's station from which bodies on A and B can touch. -VG_HUGE:
+                      ///< anywhere (same bundle, or joined by successors); merging lanes: where
+                      ///< they stay close to their end, +VG_HUGE if not before A's end
     uint8_t kind;     ///< vg_relation_kind
 } vg_relation;
 
 typedef enum vg_relation_kind {
-    VG_UNRELATED = 0,  ///< they never see each other as leader or follower
+    VG_UNRELATED = 0,  ///< vehicles on them are never leader or follower of each other
     VG_SAME_BUNDLE,
     VG_DOWNSTREAM,     ///< B is reached from A's bundle by successors
     VG_UPSTREAM,       ///< the reverse
     VG_MERGING,        ///< both lead to a common lane downstream
-    VG_DIVERGED,       ///< both come from a common lane and still run through the same area: while a
-                       ///< road is built; to vehicles such lanes are unrelated
+    VG_DIVERGED,       ///< both come from a common lane and still run through the same area; only
+                       ///< while a road is built, else such lanes are unrelated
 } vg_relation_kind;
 
-/// A lane that leads to the same lane downstream as this one and comes close to it before: what
-/// relates two vehicles on them.
+/// A lane that leads to the same lane downstream as this one and comes close to it before: the
+/// relation of two vehicles on them.
 typedef struct vg_merge {
     uint16_t other;                  ///< lane index
-    float    cost;                   ///< [m] to the common lane, of the longer way
+    float    cost;                   ///< [m] distance to the common lane, the longer one of both
     float    offset, lateral, touch; ///< [m] see vg_relation
 } vg_merge;
 
@@ -112,7 +112,7 @@ typedef struct vg_grid {
     uint32_t  chunk_count, total;  ///< chunks; how often cells name one
 } vg_grid;
 
-/// What a vehicle on a lane does to reach its target lane, packed into a byte.
+/// The route from a lane to a target lane, packed into a byte.
 typedef uint8_t vg_way;
 enum {
     VG_WAY_CHANGES = 7,      ///< lane changes needed, at most 6 are counted; 7: it cannot get there
@@ -193,7 +193,8 @@ static inline vg_way vg_road_way(const struct verge_road* road, uint32_t lane, u
     return road->ways[target * road->lane_count + lane];
 }
 /// Lane changes needed from `lane` to reach the lane `target`; VG_NEVER: it cannot be reached.
-static inline uint32_t vg_road_changes(const struct verge_road* road, uint32_t lane, uint32_t target)
+static inline uint32_t vg_road_changes(const struct verge_road* road, uint32_t lane,
+                                       uint32_t target)
 {
     const uint32_t changes = vg_road_way(road, lane, target) & VG_WAY_CHANGES;
     return changes == VG_WAY_CHANGES ? VG_NEVER : changes;
@@ -211,8 +212,9 @@ static inline int32_t vg_road_next(const struct verge_road* road, uint32_t lane,
     if (from->successor_count == 0) {
         return -1;
     }
-    return target < 0 ? from->successors[0]
-                      : from->successors[vg_road_way(road, lane, (uint32_t)target) >> VG_WAY_NEXT_SHIFT];
+    return target < 0
+               ? from->successors[0]
+               : from->successors[vg_road_way(road, lane, (uint32_t)target) >> VG_WAY_NEXT_SHIFT];
 }
 
 /// The lanes a vehicle drives over, one after the other: start with its lane and target, then ask
@@ -229,7 +231,7 @@ static inline vg_walk vg_walk_from(const struct verge_road* road, uint32_t lane,
 {
     return (vg_walk){ road, target, lane, 0 };
 }
-/// On to the lane that continues this one. False: none does, or the walk is at its end.
+/// Advances to the lane that continues this one. False: there is none, or the walk is at its end.
 static inline bool vg_walk_on(vg_walk* walk)
 {
     const int32_t next = vg_road_next(walk->road, walk->lane, walk->target);
@@ -241,7 +243,8 @@ static inline bool vg_walk_on(vg_walk* walk)
     return true;
 }
 /// Moves s [m] from `lane` on to the lane that contains it, where lanes continue; returns the lane.
-static inline uint32_t vg_road_follow(const struct verge_road* road, uint32_t lane, int32_t target, double* s)
+static inline uint32_t vg_road_follow(const struct verge_road* road, uint32_t lane, int32_t target,
+                                      double* s)
 {
     vg_walk walk = vg_walk_from(road, lane, target);
     for (double length = road->lanes[lane].length; *s > length && vg_walk_on(&walk);
@@ -251,7 +254,8 @@ static inline uint32_t vg_road_follow(const struct verge_road* road, uint32_t la
     return walk.lane;
 }
 
-static inline vg_reference vg_lane_at(const vg_lane* lane, double s) ///< straight on beyond the ends
+/// The reference line of a lane at s; straight beyond its ends.
+static inline vg_reference vg_lane_at(const vg_lane* lane, double s)
 {
     return vg_line_at(&lane->line, s);
 }
@@ -259,14 +263,15 @@ static inline double vg_lane_project(const vg_lane* lane, double x, double y, do
 {
     return vg_line_project(&lane->line, x, y, s_guess);
 }
-/// Over the whole lane, as with s_guess NaN; faster the nearer the hint.
+/// The same, with a search of the whole lane; faster if s_hint is near the result.
 static inline double vg_lane_project_whole(const vg_lane* lane, double x, double y, double s_hint)
 {
     return vg_line_project_whole(&lane->line, x, y, s_hint);
 }
 
 /// The road at s of `lane`, which may lie on a lane that continues it towards `target`.
-static inline vg_reference vg_road_at(const struct verge_road* road, uint32_t lane, int32_t target, double s)
+static inline vg_reference vg_road_at(const struct verge_road* road, uint32_t lane, int32_t target,
+                                      double s)
 {
     const uint32_t on = vg_road_follow(road, lane, target, &s);
     return vg_lane_at(&road->lanes[on], s);

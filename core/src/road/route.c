@@ -1,5 +1,5 @@
-/// The ways through the graph: for every target and lane how many lane changes it takes, and what to
-/// do next; and which lanes end where a vehicle must not stay.
+/// Routes through the graph: for every target and lane the number of lane changes and the next
+/// action; and the lanes that end where a vehicle must leave them.
 #include "road/build.h"
 
 #include "base/contract.h"
@@ -7,16 +7,16 @@
 
 #include <stddef.h>
 
-/// A neighbour that goes on less than this beyond a lane's end does not make it a dead end. [m]
+/// A lane is a dead end if a neighbour continues at least this far beyond its end. [m]
 static const double dead_end_length = 20.0;
 
-/// The best way known from a lane to the target: fewest changes first, then the shortest.
+/// The best route known from a lane to the target: fewest lane changes first, then shortest length.
 typedef struct best {
     uint32_t changes; ///< VG_NEVER: none
     double   length;  ///< [m]
 } best;
 
-/// The search for the ways to one target, in scratch.
+/// The search for the routes to one target, in scratch.
 typedef struct search {
     const struct verge_road* road;
     best*     known;      ///< [lane_count]
@@ -122,7 +122,7 @@ static void improve(search* self, uint32_t lane, uint32_t changes, double length
     }
 }
 
-/// Backwards from the target and all that continues it, until no way becomes better.
+/// Searches backwards from the target lane and its successors until no route improves.
 static void route_to(search* self, uint32_t target)
 {
     const struct verge_road* road = self->road;
@@ -167,7 +167,7 @@ static vg_way way_from(const search* self, uint32_t index)
     for (uint32_t k = 1; k < lane->successor_count; ++k) {
         next = is_better(&known[lane->successors[k]], &known[lane->successors[next]]) ? k : next;
     }
-    // Where a change is needed anyway it is the way as soon as it helps: the stretch may end.
+    // A change that is needed is made as soon as possible: the stretch where it is legal may end.
     const uint32_t changes = known[index].changes;
     const bool needed = changes > 0 && changes < VG_NEVER;
     const int32_t to_left = changed_to(lane, 0), to_right = changed_to(lane, 1);
@@ -200,10 +200,10 @@ bool vg_road_continues(const struct verge_road* road, uint32_t first, uint32_t l
     return known[lane];
 }
 
-/// Can `wanted` metres be driven from a lane's end on by successors, counting each lane once?
+/// Can `wanted` metres be driven beyond the end of a lane along its successors, each counted once?
 static bool goes_on(const struct verge_road* road, uint32_t lane, double wanted)
 {
-    enum { LANES = 64 }; // more of them are longer than what is asked for here
+    enum { LANES = 64 }; // more lanes are not needed for this distance
     uint16_t open[LANES];
     uint32_t count = 0;
     open[count++] = (uint16_t)lane;
@@ -235,7 +235,7 @@ static bool is_dead_end(const struct verge_road* road, uint32_t index)
          ++k) {
         const uint32_t i = road->bundle_lanes[k];
         const vg_lane* other = &road->lanes[i];
-        // Neighbours that end a little earlier and go on count as much as those that run by.
+        // A neighbour that ends a little earlier, but continues, counts as well.
         if (i != index && other->station_start < lane->station_end
             && other->station_end > lane->station_end - dead_end_length
             && goes_on(road, i, lane->station_end + dead_end_length - other->station_end)) {

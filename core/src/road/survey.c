@@ -1,4 +1,4 @@
-/// Reading what was surveyed: lanes by id, points in the spacing that the fit needs.
+/// Access to the survey: lanes by id, points in the spacing that the fit needs.
 #include "road/build.h"
 
 #include "base/contract.h"
@@ -16,7 +16,7 @@ static bool comes_before(const verge_lane_def* lanes, uint16_t a, uint16_t b)
     return lanes[a].id < lanes[b].id || (lanes[a].id == lanes[b].id && a < b);
 }
 
-/// Lets the lane at `root` sink to its place in the heap order[0 .. count).
+/// Moves the lane at `root` down to its place in the heap order[0 .. count).
 static void sift(uint16_t* order, const verge_lane_def* lanes, uint32_t root, uint32_t count)
 {
     const uint16_t lane = order[root];

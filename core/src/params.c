@@ -73,7 +73,12 @@ static_assert(VERGE_CONTROLLED_MAX <= VERGE_VEHICLES_MAX, "controlled vehicles a
 static_assert(VERGE_CONTROLLED_MAX <= 27, "the number of joint actions, 5^27, fits 64 bits");
 static_assert(VERGE_SAMPLE_OFFSETS_MAX % 8 == 0, "offsets fill whole vectors");
 
-verge_planner_def verge_planner_default_def(void)
+uint64_t verge_library_config(void)
+{
+    return VERGE_CONFIG;
+}
+
+verge_planner_def verge_planner_default_def_for(uint64_t config)
 {
     const verge_planner_def def = {
         .seed = 1,
@@ -120,6 +125,7 @@ verge_planner_def verge_planner_default_def(void)
         .comfort_jerk = 4.0,
         .clearance = 0.2,
         .cookie = cookie,
+        .config = config,
     };
     return def;
 }
@@ -168,9 +174,10 @@ static const char* first_fault(const verge_planner_def* def)
 
 verge_status verge_planner_check(const verge_planner_def* def, const char** fault)
 {
-    const char* name = def->cookie == cookie ? first_fault(def) : "cookie";
+    const bool same_config = def->cookie != cookie || def->config == VERGE_CONFIG;
+    const char* name = def->cookie != cookie ? "cookie" : same_config ? first_fault(def) : "config";
     if (fault != NULL) {
         *fault = name;
     }
-    return name == NULL ? VERGE_OK : VERGE_ERR_DEF;
+    return name == NULL ? VERGE_OK : same_config ? VERGE_ERR_DEF : VERGE_ERR_CONFIG;
 }

@@ -152,8 +152,9 @@ verge_status verge_planner_init(verge_planner** planner, const verge_planner_def
 {
     VERGE_ASSERT(planner != NULL);
     *planner = NULL;
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return VERGE_ERR_DEF;
+    const verge_status checked = verge_planner_check(def, NULL);
+    if (checked != VERGE_OK) {
+        return checked;
     }
     size_t road_size = 0;
     const verge_road* road = NULL;
@@ -207,10 +208,14 @@ verge_counters verge_planner_counters(const verge_planner* self)
 
 // ---------------------------------------------------------------------------- one step
 
-verge_status verge_planner_step(verge_planner* self, int64_t utime, const verge_vehicle* vehicles,
-                                uint32_t vehicle_count, verge_plan* plan)
+verge_status verge_planner_step_for(uint64_t config, verge_planner* self, int64_t utime,
+                                    const verge_vehicle* vehicles, uint32_t vehicle_count,
+                                    verge_plan* plan)
 {
     VERGE_ASSERT(self != NULL && plan != NULL);
+    if (config != VERGE_CONFIG) {
+        return VERGE_ERR_CONFIG;
+    }
     const verge_status status = place(self, utime, vehicles, vehicle_count);
     if (status != VERGE_OK) {
         return status;

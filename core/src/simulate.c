@@ -49,8 +49,9 @@ verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* d
 {
     VERGE_ASSERT(humans != NULL);
     *humans = NULL;
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return VERGE_ERR_DEF;
+    const verge_status status = verge_planner_check(def, NULL);
+    if (status != VERGE_OK) {
+        return status;
     }
     vg_arena arena;
     if (!vg_arena_begin(&arena, memory, size)) {

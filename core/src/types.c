@@ -15,6 +15,7 @@ const char* verge_status_text(verge_status status)
     case VERGE_ERR_VEHICLE: return "a vehicle with a value that is not finite or out of range";
     case VERGE_ERR_DUPLICATE: return "two vehicles with one id";
     case VERGE_ERR_OFF_ROAD: return "a vehicle that is on no lane";
+    case VERGE_ERR_CONFIG: return "caller and library were compiled with different capacities";
     }
     return "unknown status";
 }

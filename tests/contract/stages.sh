@@ -12,10 +12,10 @@ refuse() { # PROGRAM SYMBOLS
     [ -z "$found" ] || { echo "${1##*/} links $found" >&2; faults=1; }
 }
 for language in c11 cxx17; do
-    refuse "$1/example-own_decision-$language" 'vg_search_run|vg_tree_take|vg_flow_bound|verge_planner_step'
-    refuse "$1/example-own_trajectory-$language" 'verge_plan_vehicle|vg_batch_run|verge_planner_step'
+    refuse "$1/example-own_decision-$language" 'vg_search_run|vg_tree_take|vg_flow_bound|verge_planner_step_for'
+    refuse "$1/example-own_trajectory-$language" 'verge_plan_vehicle_for|vg_batch_run|verge_planner_step_for'
     # The names are those of functions: the whole planner has them.
-    all=$(defines "$1/example-first_plan-$language" 'vg_search_run|vg_batch_run|verge_planner_step' | wc -l)
+    all=$(defines "$1/example-first_plan-$language" 'vg_search_run|vg_batch_run|verge_planner_step_for' | wc -l)
     [ "$all" = 3 ] || { echo "example-first_plan-$language has $all of three stages" >&2; faults=1; }
 done
 exit $faults

@@ -10,6 +10,8 @@
 #include VERGE_USER_CONFIG
 #endif
 
+#include <stdint.h>
+
 /// Vehicles in one step, controlled and uncontrolled. 8 .. 64.
 /// Cost: 14 B a vehicle in every tree node, 9 B more if it is controlled; 1 kB a vehicle in a plan
 /// (its prediction).
@@ -100,6 +102,13 @@
 #define VERGE_ACCELERATION_MAX 11.5    ///< [m/s^2] also the radius of the friction circle
 #define VERGE_SPEED_SWITCH 7.319       ///< [m/s]   above it a <= a_max * v_switch / v
 #define VERGE_SPEED_MAX 50.8           ///< [m/s]
+
+/// The capacities that size public structures, in one number: the fingerprint of a configuration.
+/// Library and caller compare theirs; where they differ, calls return VERGE_ERR_CONFIG.
+#define VERGE_CONFIG                                                                          \
+    ((uint64_t)(VERGE_VEHICLES_MAX) | (uint64_t)(VERGE_CONTROLLED_MAX) << 8                   \
+     | (uint64_t)(VERGE_STEPS_MAX) << 16 | (uint64_t)(VERGE_POINTS_MAX) << 24                 \
+     | (uint64_t)(VERGE_SUCCESSORS_MAX) << 32 | (uint64_t)(VERGE_STRETCHES_MAX) << 40)
 
 /// Below this speed lateral motion is a function of distance, d(s), and curvature is unknown. [m/s]
 #define VERGE_SPEED_SLOW 2.0

@@ -95,7 +95,8 @@ static inline verge_decision verge_decision_make(verge_vehicle_decision* vehicle
 }
 
 /// The decision of a vehicle, null if there is none. Valid as long as the array of the decision.
-const verge_vehicle_decision* verge_decision_of(const verge_decision* decision, int32_t vehicle_id);
+static inline const verge_vehicle_decision* verge_decision_of(const verge_decision* decision,
+                                                              int32_t vehicle_id);
 
 /// The last decision. The next one keeps its lane changes unless a better plan gains more than
 /// verge_planner_def.switch_margin. Zero-filled: there is no earlier decision. The caller keeps it
@@ -116,19 +117,41 @@ typedef struct verge_decider verge_decider;
 size_t verge_decider_memory_size(const verge_planner_def* def);
 
 /// Builds a decider in the caller's memory, which must be aligned to 64 bytes. The def is copied.
-/// @retval VERGE_ERR_DEF, VERGE_ERR_MEMORY  *decider is null
+/// @retval VERGE_ERR_DEF, VERGE_ERR_CONFIG, VERGE_ERR_MEMORY  *decider is null
 verge_status verge_decider_init(verge_decider** decider, const verge_planner_def* def, void* memory,
                                 size_t size);
 
 /// Searches joint actions (section 3.1 of the paper) for all controlled vehicles of the scene that
 /// are on the road. The result depends on the arguments and the def only.
 /// @retval VERGE_ERR_CAPACITY  more vehicles than the def or the decision holds; nothing is changed
-verge_status verge_decide(verge_decider* decider, const verge_scene* scene,
-                          verge_commitment* commitment, verge_decision* decision);
+/// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
+static inline verge_status verge_decide(verge_decider* decider, const verge_scene* scene,
+                                        verge_commitment* commitment, verge_decision* decision);
+verge_status verge_decide_for(uint64_t config, verge_decider* decider, const verge_scene* scene,
+                              verge_commitment* commitment, verge_decision* decision);
 
 /// Largest number of nodes of all searches so far, and size of a node in the last search [B].
 void verge_decider_nodes(const verge_decider* decider, uint32_t* nodes_peak,
                          uint32_t* bytes_per_node);
+
+// Compiled by the caller, with the sizes that the caller sees.
+
+static inline verge_status verge_decide(verge_decider* decider, const verge_scene* scene,
+                                        verge_commitment* commitment, verge_decision* decision)
+{
+    return verge_decide_for(VERGE_CONFIG, decider, scene, commitment, decision);
+}
+
+static inline const verge_vehicle_decision* verge_decision_of(const verge_decision* decision,
+                                                              int32_t vehicle_id)
+{
+    for (uint32_t i = 0; i < decision->vehicle_count; ++i) {
+        if (decision->vehicles[i].vehicle_id == vehicle_id) {
+            return &decision->vehicles[i];
+        }
+    }
+    return NULL;
+}
 
 #ifdef __cplusplus
 }

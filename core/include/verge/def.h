@@ -89,9 +89,21 @@ typedef struct verge_planner_def {
     void*    executor_context;
 
     uint32_t cookie;            ///< set by verge_planner_default_def(); do not change it
+    uint64_t config;            ///< the same: VERGE_CONFIG of the caller
 } verge_planner_def;
 
-verge_planner_def verge_planner_default_def(void);
+/// VERGE_CONFIG of the library.
+uint64_t verge_library_config(void);
+
+/// For bindings that do not compile this header: config is the VERGE_CONFIG whose sizes the caller
+/// uses. The same holds for all functions whose name ends in _for.
+verge_planner_def verge_planner_default_def_for(uint64_t config);
+
+/// Every parameter at its default, for the capacities that the caller is compiled with.
+static inline verge_planner_def verge_planner_default_def(void)
+{
+    return verge_planner_default_def_for(VERGE_CONFIG);
+}
 
 /// One scalar field of the def, for programs that read parameters by name (JSON, manuals).
 typedef enum verge_param_kind {
@@ -116,6 +128,7 @@ const verge_param* verge_planner_params(uint32_t* count);
 
 /// Checks every parameter against its range and the relations between them.
 /// @retval VERGE_ERR_DEF  *fault (may be null) is the parameter's name
+/// @retval VERGE_ERR_CONFIG  *fault is "config": the caller was compiled with other capacities
 verge_status verge_planner_check(const verge_planner_def* def, const char** fault);
 
 #ifdef __cplusplus

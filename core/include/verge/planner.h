@@ -45,7 +45,7 @@ void verge_planner_memory_terms(const verge_planner_def* def,
                                 verge_memory_term terms[VERGE_MEMORY_TERMS]);
 
 /// Builds a planner in the caller's memory, which must be aligned to 64 bytes, and fits the road.
-/// @retval VERGE_ERR_DEF, VERGE_ERR_ROAD, VERGE_ERR_MEMORY  *planner is null
+/// @retval VERGE_ERR_DEF, VERGE_ERR_CONFIG, VERGE_ERR_ROAD, VERGE_ERR_MEMORY  *planner is null
 verge_status verge_planner_init(verge_planner** planner, const verge_planner_def* def,
                                 void* memory, size_t size);
 
@@ -56,9 +56,13 @@ verge_status verge_planner_init(verge_planner** planner, const verge_planner_def
 /// fallback with its reason. Vehicles off the road are not an error: controlled ones brake straight
 /// ahead, uncontrolled ones are predicted straight ahead.
 /// @retval VERGE_ERR_CAPACITY, VERGE_ERR_VEHICLE, VERGE_ERR_DUPLICATE  plan unchanged
-verge_status verge_planner_step(verge_planner* planner, int64_t utime,
-                                const verge_vehicle* vehicles, uint32_t vehicle_count,
-                                verge_plan* plan);
+/// @retval VERGE_ERR_CONFIG  the caller was compiled with other capacities; the plan is unchanged
+static inline verge_status verge_planner_step(verge_planner* planner, int64_t utime,
+                                              const verge_vehicle* vehicles, uint32_t vehicle_count,
+                                              verge_plan* plan);
+verge_status verge_planner_step_for(uint64_t config, verge_planner* planner, int64_t utime,
+                                    const verge_vehicle* vehicles, uint32_t vehicle_count,
+                                    verge_plan* plan);
 
 /// The road as built. Valid as long as the planner.
 const verge_road* verge_planner_road(const verge_planner* planner);
@@ -84,6 +88,15 @@ typedef struct verge_counters {
 } verge_counters;
 
 verge_counters verge_planner_counters(const verge_planner* planner);
+
+// Compiled by the caller, with the sizes that the caller sees.
+
+static inline verge_status verge_planner_step(verge_planner* planner, int64_t utime,
+                                              const verge_vehicle* vehicles, uint32_t vehicle_count,
+                                              verge_plan* plan)
+{
+    return verge_planner_step_for(VERGE_CONFIG, planner, utime, vehicles, vehicle_count, plan);
+}
 
 #ifdef __cplusplus
 }

@@ -14,7 +14,7 @@ typedef struct verge_humans verge_humans;
 /// vehicles_max and road.lane_count (def.h).
 size_t verge_humans_memory_size(const verge_planner_def* def);
 /// Builds the model in the caller's memory, which must be aligned to 64 bytes. The def is copied.
-/// @retval VERGE_ERR_DEF, VERGE_ERR_MEMORY  *humans is null
+/// @retval VERGE_ERR_DEF, VERGE_ERR_CONFIG, VERGE_ERR_MEMORY  *humans is null
 verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* def, void* memory,
                                size_t size);
 /// Moves every uncontrolled vehicle by dt [s], 0 < dt <= 1. A vehicle on the road follows the

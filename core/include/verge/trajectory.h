@@ -50,10 +50,12 @@ static inline verge_tracks verge_tracks_make(verge_track* of, uint32_t tracks_ma
 }
 
 /// Sets id and body of a track from a vehicle, without its trailer, and its pose at instant 0.
-void verge_track_begin(verge_track* track, const verge_vehicle* vehicle);
+static inline void verge_track_begin(verge_track* track, const verge_vehicle* vehicle);
 /// Sets pose and speed at instant k < VERGE_POINTS_MAX. heading [rad] within +-1e6.
-void verge_track_set(verge_track* track, uint32_t k, double x, double y, double heading,
-                     double speed);
+static inline void verge_track_set(verge_track* track, uint32_t k, double x, double y,
+                                   double heading, double speed);
+/// Sine and cosine of an angle [rad] within +-1e6, with the same bits on every machine.
+void verge_sincos(double angle, double* sine, double* cosine);
 
 typedef struct verge_predictor verge_predictor;
 
@@ -61,7 +63,7 @@ typedef struct verge_predictor verge_predictor;
 /// vehicles_max and road.lane_count (def.h).
 size_t verge_predictor_memory_size(const verge_planner_def* def);
 /// Builds a predictor in the caller's memory, which must be aligned to 64 bytes. The def is copied.
-/// @retval VERGE_ERR_DEF, VERGE_ERR_MEMORY  *predictor is null
+/// @retval VERGE_ERR_DEF, VERGE_ERR_CONFIG, VERGE_ERR_MEMORY  *predictor is null
 verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def,
                                   void* memory, size_t size);
 /// Fills one track for each vehicle of the scene (section 3.2.2). Vehicles with a decision move as
@@ -73,8 +75,12 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
 /// @retval VERGE_ERR_DEF       the decision of a vehicle has no steps, steps that do not follow one
 ///                             another, an unknown lane or action, or a number out of range; in
 ///                             both the tracks are unchanged
-verge_status verge_predict(verge_predictor* predictor, const verge_scene* scene,
-                           const verge_decision* decision, verge_tracks* tracks);
+/// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
+static inline verge_status verge_predict(verge_predictor* predictor, const verge_scene* scene,
+                                         const verge_decision* decision, verge_tracks* tracks);
+verge_status verge_predict_for(uint64_t config, verge_predictor* predictor,
+                               const verge_scene* scene, const verge_decision* decision,
+                               verge_tracks* tracks);
 
 /// Kind of a plan. Messages use the same values.
 typedef enum verge_plan_status {
@@ -138,7 +144,7 @@ typedef struct verge_sampler verge_sampler;
 /// numbers of points and samples.
 size_t verge_sampler_memory_size(const verge_planner_def* def);
 /// Builds a sampler in the caller's memory, which must be aligned to 64 bytes. The def is copied.
-/// @retval VERGE_ERR_DEF, VERGE_ERR_MEMORY  *sampler is null
+/// @retval VERGE_ERR_DEF, VERGE_ERR_CONFIG, VERGE_ERR_MEMORY  *sampler is null
 verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def* def, void* memory,
                                 size_t size);
 
@@ -155,12 +161,56 @@ verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def
 /// @retval VERGE_ERR_CAPACITY  the tracks do not fit the scene
 /// @retval VERGE_ERR_DEF       the decision is one that verge_predict() rejects, or is shorter than
 ///                             the planning horizon; in all three the plan is unchanged
-verge_status verge_plan_vehicle(verge_sampler* sampler, const verge_scene* scene,
-                                const verge_vehicle_decision* decision, const verge_tracks* tracks,
-                                const verge_vehicle_plan* before, verge_vehicle_plan* plan);
+/// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
+static inline verge_status verge_plan_vehicle(verge_sampler* sampler, const verge_scene* scene,
+                                              const verge_vehicle_decision* decision,
+                                              const verge_tracks* tracks,
+                                              const verge_vehicle_plan* before,
+                                              verge_vehicle_plan* plan);
+verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* sampler,
+                                    const verge_scene* scene,
+                                    const verge_vehicle_decision* decision,
+                                    const verge_tracks* tracks, const verge_vehicle_plan* before,
+                                    verge_vehicle_plan* plan);
 
 /// Candidate trajectories evaluated so far.
 uint64_t verge_sampler_candidates(const verge_sampler* sampler);
+
+// Compiled by the caller, with the sizes that the caller sees.
+
+static inline verge_status verge_predict(verge_predictor* predictor, const verge_scene* scene,
+                                         const verge_decision* decision, verge_tracks* tracks)
+{
+    return verge_predict_for(VERGE_CONFIG, predictor, scene, decision, tracks);
+}
+
+static inline verge_status verge_plan_vehicle(verge_sampler* sampler, const verge_scene* scene,
+                                              const verge_vehicle_decision* decision,
+                                              const verge_tracks* tracks,
+                                              const verge_vehicle_plan* before,
+                                              verge_vehicle_plan* plan)
+{
+    return verge_plan_vehicle_for(VERGE_CONFIG, sampler, scene, decision, tracks, before, plan);
+}
+
+static inline void verge_track_set(verge_track* track, uint32_t k, double x, double y,
+                                   double heading, double speed)
+{
+    track->x[k] = x;
+    track->y[k] = y;
+    track->speed[k] = speed;
+    verge_sincos(heading, &track->sin_heading[k], &track->cos_heading[k]);
+}
+
+static inline void verge_track_begin(verge_track* track, const verge_vehicle* vehicle)
+{
+    track->vehicle_id = vehicle->id;
+    track->controlled = vehicle->controlled;
+    track->trailer = 0;
+    track->half_length = 0.5 * vehicle->length + vehicle->margin;
+    track->half_width = 0.5 * vehicle->width + vehicle->margin;
+    verge_track_set(track, 0, vehicle->x, vehicle->y, vehicle->heading, vehicle->speed);
+}
 
 #ifdef __cplusplus
 }

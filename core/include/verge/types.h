@@ -30,6 +30,7 @@ typedef enum verge_status {
     VERGE_ERR_VEHICLE = -5,     ///< a vehicle with a value that is not finite or out of range
     VERGE_ERR_DUPLICATE = -6,   ///< two vehicles with one id
     VERGE_ERR_OFF_ROAD = -7,    ///< a vehicle whose centre lies on no lane
+    VERGE_ERR_CONFIG = -8,      ///< caller and library were compiled with different capacities
 } verge_status;
 
 /// A status in words. Never null; static lifetime.

@@ -50,8 +50,9 @@ verge_status verge_decider_init(verge_decider** decider, const verge_planner_def
 {
     VERGE_ASSERT(decider != NULL);
     *decider = NULL;
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return VERGE_ERR_DEF;
+    const verge_status valid = verge_planner_check(def, NULL);
+    if (valid != VERGE_OK) {
+        return valid;
     }
     vg_arena arena;
     if (!vg_arena_begin(&arena, memory, size)) {
@@ -85,10 +86,13 @@ void verge_decider_nodes(const verge_decider* self, uint32_t* nodes_peak, uint32
 
 // ---------------------------------------------------------------------------- one decision
 
-verge_status verge_decide(verge_decider* self, const verge_scene* scene,
-                          verge_commitment* commitment, verge_decision* decision)
+verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_scene* scene,
+                              verge_commitment* commitment, verge_decision* decision)
 {
     VERGE_ASSERT(self != NULL && scene != NULL && commitment != NULL && decision != NULL);
+    if (config != VERGE_CONFIG) {
+        return VERGE_ERR_CONFIG;
+    }
     // Before any set of vehicles, which has 64 bits.
     if (scene->vehicle_count > self->def.vehicles_max) {
         return VERGE_ERR_CAPACITY;

@@ -210,8 +210,9 @@ verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def
 {
     VERGE_ASSERT(sampler != NULL);
     *sampler = NULL;
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return VERGE_ERR_DEF;
+    const verge_status valid = verge_planner_check(def, NULL);
+    if (valid != VERGE_OK) {
+        return valid;
     }
     vg_arena arena;
     if (!vg_arena_begin(&arena, memory, size)) {
@@ -259,13 +260,17 @@ static bool tracks_hold(const verge_tracks* tracks, const verge_scene* scene, ui
     return holds;
 }
 
-verge_status verge_plan_vehicle(verge_sampler* self, const verge_scene* scene,
-                                const verge_vehicle_decision* decision, const verge_tracks* tracks,
-                                const verge_vehicle_plan* before, verge_vehicle_plan* plan)
+verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const verge_scene* scene,
+                                    const verge_vehicle_decision* decision,
+                                    const verge_tracks* tracks, const verge_vehicle_plan* before,
+                                    verge_vehicle_plan* plan)
 {
     VERGE_ASSERT(self != NULL && scene != NULL && decision != NULL && tracks != NULL
                  && plan != NULL);
     VERGE_ASSERT(before != plan);
+    if (config != VERGE_CONFIG) {
+        return VERGE_ERR_CONFIG;
+    }
     const int32_t index = verge_scene_find(scene, decision->vehicle_id);
     if (index < 0 || !scene->vehicles[index].controlled) {
         return VERGE_ERR_VEHICLE;

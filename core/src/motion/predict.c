@@ -65,8 +65,9 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
 {
     VERGE_ASSERT(predictor != NULL);
     *predictor = NULL;
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return VERGE_ERR_DEF;
+    const verge_status status = verge_planner_check(def, NULL);
+    if (status != VERGE_OK) {
+        return status;
     }
     vg_arena arena;
     if (!vg_arena_begin(&arena, memory, size)) {
@@ -105,10 +106,18 @@ static uint64_t decided_vehicles(const verge_scene* scene, const verge_decision*
     return set;
 }
 
-verge_status verge_predict(verge_predictor* self, const verge_scene* scene,
-                           const verge_decision* decision, verge_tracks* tracks)
+void verge_sincos(double angle, double* sine, double* cosine)
+{
+    vg_sincos(angle, sine, cosine);
+}
+
+verge_status verge_predict_for(uint64_t config, verge_predictor* self, const verge_scene* scene,
+                               const verge_decision* decision, verge_tracks* tracks)
 {
     VERGE_ASSERT(self != NULL && scene != NULL && tracks != NULL);
+    if (config != VERGE_CONFIG) {
+        return VERGE_ERR_CONFIG;
+    }
     const verge_planner_def* def = &self->def;
     const uint32_t count = scene->vehicle_count;
     if (count > def->vehicles_max // before any set of vehicles, which has 64 bits
@@ -166,27 +175,6 @@ static bool read_decision(verge_predictor* self, const verge_scene* scene,
         }
     }
     return true;
-}
-
-void verge_track_begin(verge_track* track, const verge_vehicle* vehicle)
-{
-    VERGE_ASSERT(track != NULL && vehicle != NULL);
-    track->vehicle_id = vehicle->id;
-    track->controlled = vehicle->controlled;
-    track->trailer = 0;
-    track->half_length = 0.5 * vehicle->length + vehicle->margin;
-    track->half_width = 0.5 * vehicle->width + vehicle->margin;
-    verge_track_set(track, 0, vehicle->x, vehicle->y, vehicle->heading, vehicle->speed);
-}
-
-void verge_track_set(verge_track* track, uint32_t k, double x, double y, double heading,
-                     double speed)
-{
-    VERGE_ASSERT(track != NULL && k < VERGE_POINTS_MAX);
-    track->x[k] = x;
-    track->y[k] = y;
-    track->speed[k] = speed;
-    vg_sincos(heading, &track->sin_heading[k], &track->cos_heading[k]);
 }
 
 // A vehicle on no lane moves straight ahead at constant speed.

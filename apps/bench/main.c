@@ -272,6 +272,9 @@ static void bench_search(bench_scene* self, const settings* with)
     const uint32_t scenes = with->quick ? 40 : 200;
     printf(" \"search\": [");
     for (size_t row = 0; row < sizeof planned / sizeof planned[0]; ++row) {
+        if (planned[row] > VERGE_CONTROLLED_MAX || planned[row] + humans > VERGE_VEHICLES_MAX) {
+            break; // a small configuration
+        }
         double seconds = 0.0, reward = 0.0;
         for (uint32_t number = 0; number < scenes; ++number) {
             fill_scene(self, planned[row], with->seed, number);
@@ -324,7 +327,11 @@ static int count_only(bench_scene* self, const settings* with)
 // Whole trajectories of one vehicle among eight others; their candidates are counted.
 static void bench_sampler(bench_scene* self, const settings* with)
 {
-    enum { others = 8 };
+    enum { // fewer others in a small configuration
+        most_planned = VERGE_VEHICLES_MAX - humans < VERGE_CONTROLLED_MAX ? VERGE_VEHICLES_MAX - humans
+                                                                          : VERGE_CONTROLLED_MAX,
+        others = humans + (most_planned < 5 ? most_planned : 5) - 1,
+    };
     const uint32_t repeats = with->quick ? 2000 : 10000;
     static verge_vehicle_plan plan;
     fill_scene(self, others + 1 - humans, with->seed, 5);

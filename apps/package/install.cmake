@@ -11,6 +11,11 @@ set_target_properties(verge_core PROPERTIES EXPORT_NAME core)
 install(TARGETS verge_core EXPORT verge
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
 install(DIRECTORY core/include/verge DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT dev)
+if(VERGE_CONFIG_HEADER)
+    install(FILES ${CMAKE_BINARY_DIR}/core/include/verge/user_config.h
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/verge COMPONENT dev)
+    set(VERGE_PC_CONFIG " -DVERGE_USER_CONFIG='<verge/user_config.h>'")
+endif()
 set(VERGE_PC_FILES verge.pc)
 if(TARGET verge_transport)
     set_target_properties(verge_transport PROPERTIES EXPORT_NAME transport)

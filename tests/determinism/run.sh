@@ -6,7 +6,7 @@
 #     run.sh VARIANT SOURCE_DIR WORK_DIR --print    print the digests only
 #
 # VARIANT: gcc-O0 (asserts on), gcc-native (-O3, this machine's instructions), clang (-O2),
-# aarch64 (-O2, run by qemu). Exit 77 where the compiler or emulator is not installed.
+# aarch64 (-O2, run by qemu), gcc-small (-O3, the capacities of support/small_config.h). Exit 77 where the compiler or emulator is not installed.
 set -euo pipefail
 variant=$1
 source_dir=$2
@@ -23,6 +23,10 @@ gcc-O0) arguments=(-DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_COMPILER=gcc -DCMAKE_CXX_C
 gcc-native)
     arguments=(-DCMAKE_BUILD_TYPE=Release -DCMAKE_C_COMPILER=gcc -DCMAKE_CXX_COMPILER=g++
         -DCMAKE_C_FLAGS=-march=native -DCMAKE_CXX_FLAGS=-march=native)
+    ;;
+gcc-small)
+    arguments=(-DCMAKE_BUILD_TYPE=Release -DCMAKE_C_COMPILER=gcc -DCMAKE_CXX_COMPILER=g++
+        -DVERGE_CONFIG_HEADER="$source_dir/tests/support/small_config.h")
     ;;
 clang)
     need clang-14

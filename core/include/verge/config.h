@@ -10,6 +10,7 @@
 #include VERGE_USER_CONFIG
 #endif
 
+#include <assert.h>
 #include <stdint.h>
 
 /// Vehicles in one step, controlled and uncontrolled. 8 .. 64.
@@ -19,7 +20,8 @@
 #define VERGE_VEHICLES_MAX 64
 #endif
 
-/// Vehicles planned jointly. 1 .. VERGE_VEHICLES_MAX.
+/// Vehicles planned jointly. 1 .. 27 (5^27 joint actions fit a 64-bit number), at most
+/// VERGE_VEHICLES_MAX.
 /// Cost: a sampler each (44 kB with the default parameters), and 3.2 kB each in a plan.
 #ifndef VERGE_CONTROLLED_MAX
 #define VERGE_CONTROLLED_MAX 16
@@ -51,12 +53,12 @@
 #define VERGE_LANE_LENGTH_MAX 100000
 #endif
 
-/// Lanes that may continue one lane. Cost: 4 B a lane each.
+/// Lanes that may continue one lane. 1 .. 8. Cost: 4 B a lane each.
 #ifndef VERGE_SUCCESSORS_MAX
 #define VERGE_SUCCESSORS_MAX 8
 #endif
 
-/// Legal change stretches of one lane and side. Cost: 16 B each.
+/// Legal change stretches of one lane and side. 1 .. 255. Cost: 16 B each.
 #ifndef VERGE_STRETCHES_MAX
 #define VERGE_STRETCHES_MAX 8
 #endif
@@ -71,7 +73,8 @@
 #define VERGE_POINTS_MAX 31
 #endif
 
-/// Nodes of the search tree (the default of verge_planner_def.nodes_max, which sizes the arena).
+/// Nodes of the search tree, 2 .. 1000000 (the default of verge_planner_def.nodes_max,
+/// which sizes the arena).
 /// Cost: 64 B each, and 14 B a vehicle, 9 B more if it is controlled.
 #ifndef VERGE_NODES_MAX
 #define VERGE_NODES_MAX 4096
@@ -83,8 +86,9 @@
 #define VERGE_CONFLICTS_MAX 256
 #endif
 
-/// Candidate trajectories of one segment: end speeds x lateral offsets.
-/// Offsets come in multiples of 8, the width of the sampler's inner loop.
+/// Candidate trajectories of one segment: end speeds x lateral offsets. 2 .. 256 speeds; 8 .. 256
+/// offsets in multiples of 8, the width of the sampler's inner loop.
+/// Cost: none; the arena is sized by verge_planner_def.sample_speeds and .sample_offsets.
 #ifndef VERGE_SAMPLE_SPEEDS_MAX
 #define VERGE_SAMPLE_SPEEDS_MAX 32
 #endif
@@ -109,6 +113,29 @@
     ((uint64_t)(VERGE_VEHICLES_MAX) | (uint64_t)(VERGE_CONTROLLED_MAX) << 8                   \
      | (uint64_t)(VERGE_STEPS_MAX) << 16 | (uint64_t)(VERGE_POINTS_MAX) << 24                 \
      | (uint64_t)(VERGE_SUCCESSORS_MAX) << 32 | (uint64_t)(VERGE_STRETCHES_MAX) << 40)
+
+static_assert(VERGE_VEHICLES_MAX >= 8 && VERGE_VEHICLES_MAX <= 64, "VERGE_VEHICLES_MAX: 8 .. 64");
+static_assert(VERGE_CONTROLLED_MAX >= 1 && VERGE_CONTROLLED_MAX <= 27,
+              "VERGE_CONTROLLED_MAX: 1 .. 27");
+static_assert(VERGE_CONTROLLED_MAX <= VERGE_VEHICLES_MAX,
+              "VERGE_CONTROLLED_MAX: at most VERGE_VEHICLES_MAX");
+static_assert(VERGE_STEPS_MAX >= 2 && VERGE_STEPS_MAX <= 32, "VERGE_STEPS_MAX: 2 .. 32");
+static_assert(VERGE_POINTS_MAX >= 11 && VERGE_POINTS_MAX <= 64, "VERGE_POINTS_MAX: 11 .. 64");
+static_assert(VERGE_SUCCESSORS_MAX >= 1 && VERGE_SUCCESSORS_MAX <= 8,
+              "VERGE_SUCCESSORS_MAX: 1 .. 8");
+static_assert(VERGE_LANES_MAX >= 1 && VERGE_LANES_MAX <= 32767, "VERGE_LANES_MAX: 1 .. 32767");
+static_assert(VERGE_LANES_NEAR_MAX >= 8 && VERGE_LANES_NEAR_MAX <= 64,
+              "VERGE_LANES_NEAR_MAX: 8 .. 64");
+static_assert(VERGE_STRETCHES_MAX >= 1 && VERGE_STRETCHES_MAX <= 255,
+              "VERGE_STRETCHES_MAX: 1 .. 255");
+static_assert(VERGE_CONFLICTS_MAX >= 1 && VERGE_CONFLICTS_MAX <= 60000,
+              "VERGE_CONFLICTS_MAX: 1 .. 60000");
+static_assert(VERGE_NODES_MAX >= 2 && VERGE_NODES_MAX <= 1000000, "VERGE_NODES_MAX: 2 .. 1000000");
+static_assert(VERGE_SAMPLE_SPEEDS_MAX >= 2 && VERGE_SAMPLE_SPEEDS_MAX <= 256,
+              "VERGE_SAMPLE_SPEEDS_MAX: 2 .. 256");
+static_assert(VERGE_SAMPLE_OFFSETS_MAX >= 8 && VERGE_SAMPLE_OFFSETS_MAX <= 256
+                  && VERGE_SAMPLE_OFFSETS_MAX % 8 == 0,
+              "VERGE_SAMPLE_OFFSETS_MAX: 8 .. 256 in multiples of 8");
 
 /// Below this speed lateral motion is a function of distance, d(s), and curvature is unknown. [m/s]
 #define VERGE_SPEED_SLOW 2.0

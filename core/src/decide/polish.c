@@ -66,7 +66,8 @@ static uint32_t vary_lane_change(vg_search* self, vg_joint_actions* sequence, ui
     const uint8_t before = vg_lane_keeping[vg_random_below(self->random, VG_LANE_KEEPING_COUNT)];
     const uint8_t after = vg_lane_keeping[vg_random_below(self->random, VG_LANE_KEEPING_COUNT)];
     const uint8_t change = self->turn[slot] > 0 ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT;
-    for (uint32_t t = from; t < steps; ++t) {
+    // The second bound is for the compiler, which cannot know that steps is no more.
+    for (uint32_t t = from; t < steps && t < VERGE_STEPS_MAX; ++t) {
         sequence->actions[t][slot] = t < at ? before : t < at + 2u ? change : after;
     }
     return from;

@@ -95,7 +95,7 @@ double  verge_road_speed_limit(const verge_road* road, int32_t lane_id); ///< [m
 /// [m] distance of the surveyed point that lies furthest from the lane's reference line. Surveys
 /// that no vehicle can follow, or that are noisy, deviate more than the tolerances above.
 double  verge_road_deviation(const verge_road* road, int32_t lane_id);
-/// The lane that continues lane_id on the way to target_lane (first successor if there is none
+/// The lane that continues lane_id towards target_lane (first successor if there is none
 /// better), or VERGE_NO_LANE where nothing continues it.
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane);
 /// Is lane_id the target lane, or a lane that continues it (by successors only)?

@@ -10,7 +10,7 @@
 
 // No track leads this far. [m], also [m/s] and [1]
 static const double track_max = 1e8;
-// Rounding of a body's size by whoever filled its track. [m]
+// Tolerance for the size of a body in its track. [m]
 static const double size_slack = 1e-6;
 // No vehicle steers as sharply as this: such a curvature of the last trajectory is not used. [1/m]
 static const double curvature_max = 100.0;
@@ -246,7 +246,7 @@ static bool own_track_holds(const verge_track* track, const verge_vehicle* vehic
 }
 
 // A track that is not finite would be a body that nothing ever meets. Tracks in another order would
-// hide one vehicle and put the planned vehicle's own body in its path.
+// hide one vehicle and put the own body of the controlled vehicle in its path.
 static bool tracks_hold(const verge_tracks* tracks, const verge_scene* scene, uint32_t own,
                         uint32_t points)
 {

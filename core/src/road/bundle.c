@@ -38,7 +38,7 @@ enum { joint_rounds = 4 };
 typedef struct links {
     uint32_t* from;    ///< [lane_count + 1] a lane's part of `of` begins here
     uint16_t* of;
-    uint16_t* members; ///< of the bundle under way
+    uint16_t* members; ///< of the present bundle
     bool*     placed;  ///< [lane_count]
 } links;
 
@@ -369,14 +369,14 @@ static void look_ahead(vg_road_draft* draft, uint32_t index)
     for (uint32_t k = 0; k < lane->successor_count; ++k) {
         after = vg_max(after, (double)draft->storage[lane->successors[k]].bins[0].speed);
     }
-    double way = 0.0;
+    double distance = 0.0;
     lane->speed_min = VG_HUGE;
     for (uint32_t i = lane->bin_count; i > 0; --i) {
         vg_bin* bin = &bins[i - 1u];
-        const double most = vg_sqrt(after * after + 2.0 * approach * way);
+        const double most = vg_sqrt(after * after + 2.0 * approach * distance);
         bin->speed = (float)vg_min((double)bin->speed, most);
         after = (double)bin->speed;
-        way = i > 1u ? (double)(bin->s - bins[i - 2u].s) : 0.0;
+        distance = i > 1u ? (double)(bin->s - bins[i - 2u].s) : 0.0;
         lane->speed_min = vg_min(lane->speed_min, (double)bin->speed);
     }
 }

@@ -458,25 +458,25 @@ static bool context_next(context_lane* self, double point[2])
 }
 
 /// Adds the points of one lane to the context; false: it is long enough.
-static bool context_add(context_lane* lane, double (*points)[3], uint32_t* count, double* way)
+static bool context_add(context_lane* lane, double (*points)[3], uint32_t* count, double* distance)
 {
     double p[2];
-    while (*count < CONTEXT_VERTICES && *way < context_length && context_next(lane, p)) {
+    while (*count < CONTEXT_VERTICES && *distance < context_length && context_next(lane, p)) {
         if (*count > 0) { // cut where the context is long enough
             const double* last = points[*count - 1];
             const double dx = p[0] - last[0], dy = p[1] - last[1];
             const double leg = vg_sqrt(dx * dx + dy * dy);
-            if (*way + leg > context_length) {
-                p[0] = last[0] + dx * (context_length - *way) / leg;
-                p[1] = last[1] + dy * (context_length - *way) / leg;
+            if (*distance + leg > context_length) {
+                p[0] = last[0] + dx * (context_length - *distance) / leg;
+                p[1] = last[1] + dy * (context_length - *distance) / leg;
             }
-            *way += leg;
+            *distance += leg;
         }
         points[*count][0] = p[0];
         points[*count][1] = p[1];
         points[(*count)++][2] = lane->line != NULL ? fitted_weight : 1.0;
     }
-    return *count < CONTEXT_VERTICES && *way < context_length;
+    return *count < CONTEXT_VERTICES && *distance < context_length;
 }
 
 /// The line or survey of the lanes beyond the chain's end, walked away from it: fills points and
@@ -486,7 +486,7 @@ static uint32_t context_walk(const fit* self, bool before, double (*points)[3], 
     const verge_road_def* def = self->draft->def;
     uint32_t lane = self->lanes[before ? 0 : self->lane_count - 1];
     uint32_t count = 0;
-    double way = 0.0;
+    double distance = 0.0;
     bool more = true;
     *held = false;
     for (uint32_t step = 0; more && step < CONTEXT_VERTICES; ++step) { // small rings more than once
@@ -500,7 +500,7 @@ static uint32_t context_walk(const fit* self, bool before, double (*points)[3], 
         context_lane from = { .line = line, .before = before,
                               .count = line != NULL ? (uint32_t)(0.5 * line->length) + 2 : 0,
                               .survey = vg_survey_from(&def->lanes[lane], before) };
-        more = context_add(&from, points, &count, &way);
+        more = context_add(&from, points, &count, &distance);
     }
     return count;
 }
@@ -611,9 +611,9 @@ static void vertices_split(fit* self)
         if (from + to >= 0.99 * old[i].chord) {
             continue;
         }
-        const double ways[2] = { from, old[i].chord - to };
+        const double distances[2] = { from, old[i].chord - to };
         for (int k = 0; k < 2; ++k) {
-            const double t = ways[k] / old[i].chord;
+            const double t = distances[k] / old[i].chord;
             source[count++] = (vertex){ .x = old[i].x + t * (old[i + 1].x - old[i].x),
                                         .y = old[i].y + t * (old[i + 1].y - old[i].y),
                                         .weight = vg_min(old[i].weight, old[i + 1].weight),
@@ -699,12 +699,12 @@ static void samples_take(fit* self)
     uint32_t at = 0;
     double start = 0.0;
     for (uint32_t i = 0; i < self->sample_count; ++i) {
-        const double way = self->spacing * (double)i;
-        while (at + 2 < self->vertex_count && start + v[at].length < way) {
+        const double distance = self->spacing * (double)i;
+        while (at + 2 < self->vertex_count && start + v[at].length < distance) {
             start += v[at++].length;
         }
         sample* p = &self->samples[i];
-        shape_at(&v[at], &v[at + 1], vg_clamp((way - start) / v[at].length, 0.0, 1.0), &p->px,
+        shape_at(&v[at], &v[at + 1], vg_clamp((distance - start) / v[at].length, 0.0, 1.0), &p->px,
                  &p->py);
         p->weight = vg_min(v[at].weight, v[at + 1].weight);
         p->smoothing = smoothing_max;
@@ -721,8 +721,8 @@ static void samples_slacken(fit* self)
                            self->vertices[self->vertex_count - 1].weight > 1.0 };
     for (uint32_t i = 0; i < self->sample_count; ++i) {
         for (int end = 0; end < 2; ++end) {
-            const double way = vg_abs((double)i - ends[end]) * self->spacing;
-            const double slack = VG_FIT_JOINT_TOLERANCE * (1.0 - way / VG_FIT_JOINT);
+            const double distance = vg_abs((double)i - ends[end]) * self->spacing;
+            const double slack = VG_FIT_JOINT_TOLERANCE * (1.0 - distance / VG_FIT_JOINT);
             if (held[end]) {
                 self->samples[i].slack = vg_max(self->samples[i].slack, slack);
             }

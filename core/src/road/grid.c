@@ -139,9 +139,9 @@ static void cells_over(vg_grid* grid)
     grid->rows = (uint32_t)(height / cell) + 1;
 }
 
-static uint32_t cell_at(double way, double cell, uint32_t count)
+static uint32_t cell_at(double distance, double cell, uint32_t count)
 {
-    const uint32_t index = (uint32_t)vg_max(way / cell, 0.0);
+    const uint32_t index = (uint32_t)vg_max(distance / cell, 0.0);
     return index < count ? index : count - 1;
 }
 

@@ -144,9 +144,9 @@ static void spread(vg_local* self, const struct verge_road* road, uint32_t lane,
     }
 }
 
-static double in_steps(double way)
+static double in_steps(double distance)
 {
-    return distance_step * (double)(uint32_t)(vg_max(way, 0.0) / distance_step);
+    return distance_step * (double)(uint32_t)(vg_max(distance, 0.0) / distance_step);
 }
 
 static void spread_from_sources(vg_local* self, const struct verge_road* road,
@@ -256,7 +256,8 @@ static vg_relation merging(const vg_local* self, const struct verge_road* road, 
     return relation;
 }
 
-/// The nearest kind of relation of b as seen from a. ring: [m] way round through both, 0 none.
+/// The nearest kind of relation of b as seen from a. ring: [m] length of the ring through both, 0
+/// none.
 static vg_relation relation_of(const vg_local* self, const struct verge_road* road, uint32_t a,
                                uint32_t b, double ring)
 {

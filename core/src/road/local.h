@@ -36,7 +36,7 @@ typedef struct vg_reach_table {
 void vg_reach_take(vg_reach_table* table, vg_arena* arena, uint32_t capacity);
 /// Forgets the last walk: needed before `local` changes.
 void vg_reach_clear(vg_reach_table* table);
-/// Fills the table from lane `from` on; returns the length of the way round back to its bundle, 0
+/// Fills the table from lane `from` on; returns the length of the ring back to its bundle, 0
 /// if there is none within reach. [m]
 double vg_reach_walk(vg_reach_table* table, const struct verge_road* road, uint32_t from);
 const vg_reach* vg_reach_of(const vg_reach_table* table, uint32_t lane);

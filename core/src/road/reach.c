@@ -7,7 +7,7 @@
 
 #include <stddef.h>
 
-/// A way through a neighbour counts as this much longer, so that a lane's own successors win. [m]
+/// A route through a neighbour counts as longer by this, so that own successors are preferred. [m]
 static const double aside_cost = 5.0;
 
 static double lateral_at_end(const vg_lane* lane, bool end)

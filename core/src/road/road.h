@@ -119,12 +119,12 @@ enum {
     VG_WAY_TURN_SHIFT = 3,   ///< next lane change: 0 none here, 1 left, 2 right
     VG_WAY_NEXT_SHIFT = 5,   ///< which of its successors continues the lane
 };
-static_assert(VERGE_SUCCESSORS_MAX <= 8, "a way has three bits for the successor");
+static_assert(VERGE_SUCCESSORS_MAX <= 8, "a route has three bits for the successor");
 
 /// Lists of lanes, all in one array: the part of lane i is of[from[i]] .. of[from[i + 1] - 1].
 struct verge_road {
     uint32_t lane_count;
-    uint64_t fingerprint;          ///< of what is built: tells roads apart that follow one another
+    uint64_t fingerprint;          ///< of what is built: distinguishes roads in the same memory
     vg_lane* lanes;
     uint16_t* by_id;               ///< [lane_count] lane indices in the order of their ids
     uint32_t* predecessors_from;   ///< [lane_count + 1]

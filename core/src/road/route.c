@@ -20,7 +20,7 @@ typedef struct best {
 typedef struct search {
     const struct verge_road* road;
     best*     known;      ///< [lane_count]
-    uint16_t* open;       ///< [lane_count] a ring of lanes whose way has become better
+    uint16_t* open;       ///< [lane_count] a ring of lanes whose route has improved
     bool*     is_open;    ///< [lane_count]
     uint32_t  first, count;
     uint32_t* beside_from; ///< [lane_count + 1]
@@ -130,7 +130,7 @@ static void route_to(search* self, uint32_t target)
         self->known[i] = (best){ VG_NEVER, VG_HUGE };
     }
     improve(self, target, 0, 0.0);
-    while (self->count > 0) { // who continues the target is there
+    while (self->count > 0) { // successors of the target lane have reached it
         const vg_lane* lane = &road->lanes[next_open(self)];
         for (uint32_t k = 0; k < lane->successor_count; ++k) {
             improve(self, (uint32_t)lane->successors[k], 0, 0.0);
@@ -207,8 +207,8 @@ static bool goes_on(const struct verge_road* road, uint32_t lane, double wanted)
     uint16_t open[LANES];
     uint32_t count = 0;
     open[count++] = (uint16_t)lane;
-    double way = 0.0;
-    for (uint32_t at = 0; at < count && way < wanted; ++at) {
+    double distance = 0.0;
+    for (uint32_t at = 0; at < count && distance < wanted; ++at) {
         const vg_lane* here = &road->lanes[open[at]];
         for (uint32_t k = 0; k < here->successor_count && count < LANES; ++k) {
             bool known = false;
@@ -216,13 +216,13 @@ static bool goes_on(const struct verge_road* road, uint32_t lane, double wanted)
                 known = known || open[m] == here->successors[k];
             }
             if (!known) {
-                way += road->lanes[here->successors[k]].length;
+                distance += road->lanes[here->successors[k]].length;
                 open[count++] = (uint16_t)here->successors[k];
             }
         }
     }
     const vg_lane* own = &road->lanes[lane];
-    return (own->successor_count > 0 ? vg_max(way, own->length) : 0.0) >= wanted;
+    return (own->successor_count > 0 ? vg_max(distance, own->length) : 0.0) >= wanted;
 }
 
 static bool is_dead_end(const struct verge_road* road, uint32_t index)

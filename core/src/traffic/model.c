@@ -191,7 +191,7 @@ void vg_flow_derive(const vg_model* model, vg_flow* flow)
 {
     for (uint32_t slot = 0; slot < model->count; ++slot) {
         vg_flow_set_road_fields(flow, slot, vg_bin_at(&model->road->lanes[flow->lane[slot]],
-                                                       flow->station[slot]));
+                                                      flow->station[slot]));
     }
 }
 

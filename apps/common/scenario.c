@@ -5,6 +5,7 @@
 #include "number.h"
 #include "planner_json.h"
 #include "road_json.h"
+#include "vehicle_fault.h"
 
 #include "verge/limits.h"
 
@@ -329,14 +330,17 @@ static bool vehicle_check(const json_at* at, const scenario* scene, uint32_t ind
 {
     const scenario_vehicle* vehicle = &scene->vehicles[index];
     const verge_vehicle*    start = &vehicle->start;
-    const verge_status      status = 
-        verge_road_check_vehicle(verge_planner_road(scene->planner), start);
+    verge_vehicle_fault     fault;
+    const verge_status      status =
+        verge_road_check_vehicle(verge_planner_road(scene->planner), start, &fault);
     if (status == VERGE_ERR_OFF_ROAD) {
         return json_fail(at, "vehicle %d is off every lane, expected its centre on a lane",
                          start->id);
     }
     if (status != VERGE_OK) {
-        return json_fail(at, "vehicle %d is refused: %s", start->id, verge_status_text(status));
+        char words[VEHICLE_FAULT_SIZE];
+        vehicle_fault_text(&fault, words);
+        return json_fail(at, "vehicle %d is refused: %s", start->id, words);
     }
     for (uint32_t i = 0; i < index; ++i) {
         const scenario_vehicle* other = &scene->vehicles[i];

@@ -79,8 +79,10 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
     // The planner refuses a whole step because of one unusable vehicle. The inbox accepts none;
     // this check protects the others in case extrapolation has made a vehicle unusable.
     for (uint32_t i = self->view.count; i-- > 0;) {
-        if (!verge_vehicle_check(&self->view.vehicles[i], NULL)) {
+        verge_vehicle_fault fault;
+        if (!verge_vehicle_check(&self->view.vehicles[i], &fault)) {
             self->counters.unusable++;
+            self->fault = fault;
             remove_vehicle(&self->view, i);
         }
     }

@@ -52,6 +52,7 @@ typedef struct cycle {
     int64_t        number;  ///< of this cycle; the first is 0
     int64_t        utime;   ///< [us] the instant of the plan
     inbox_view     view;    ///< the vehicles
+    verge_vehicle_fault fault; ///< of the vehicle removed last, see counters.unusable
 
     // The result: output of cycle_plan() and cycle_end().
     verge_status   status;  ///< of the planner's step

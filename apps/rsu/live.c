@@ -18,6 +18,7 @@
 #include "worker.h"
 
 #include "common/floating.h"
+#include "common/vehicle_fault.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -495,7 +496,14 @@ static void on_tick(live* self)
     self->begun = clock_us(CLOCK_MONOTONIC);
     self->late = false;
     self->corrected = floating_correct(); // this thread projects states
+    const uint64_t unusable = self->cycle.counters.unusable;
     cycle_begin(&self->cycle, self->cycle_count++, clock_us(CLOCK_REALTIME));
+    if (self->cycle.counters.unusable > unusable) {
+        char words[VEHICLE_FAULT_SIZE];
+        vehicle_fault_text(&self->cycle.fault, words);
+        log_repeated(LOG_WARNING, "vehicle_unusable", (uint32_t)self->cycle.fault.vehicle_id,
+                     "vehicle=%d reason=\"%s\"", self->cycle.fault.vehicle_id, log_words(words));
+    }
     record_mark(self, self->cycle.utime, false);
     worker_start(self->worker, plan_job, self);
 }

@@ -65,7 +65,7 @@ verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* d
 // A vehicle that verge_scene_place() would reject counts as on no lane.
 static verge_lane_position position_of(const verge_road* road, const verge_vehicle* v)
 {
-    if (verge_road_check_vehicle(road, v) != VERGE_OK) {
+    if (verge_road_check_vehicle(road, v, NULL) != VERGE_OK) {
         return (verge_lane_position){ .lane_id = VERGE_NO_LANE };
     }
     return verge_road_project(road, v->x, v->y, v->heading, VERGE_NO_LANE);

@@ -415,15 +415,15 @@ static void test_a_body_that_is_not_the_vehicles_is_refused(void** state)
     straight_open(&at);
     const verge_road* road = verge_planner_road(at.planner);
     verge_vehicle vehicle = vehicle_of(VERGE_BODY_TRUCK);
-    assert_int_equal(verge_road_check_vehicle(road, &vehicle), VERGE_OK);
+    assert_int_equal(verge_road_check_vehicle(road, &vehicle, NULL), VERGE_OK);
     vehicle.length = 8.0; // the body's is 10.1 m
-    assert_int_equal(verge_road_check_vehicle(road, &vehicle), VERGE_ERR_VEHICLE);
+    assert_int_equal(verge_road_check_vehicle(road, &vehicle, NULL), VERGE_ERR_VEHICLE);
     vehicle = vehicle_of(VERGE_BODY_TRUCK);
     vehicle.body.rear_axle = NAN;
-    assert_int_equal(verge_road_check_vehicle(road, &vehicle), VERGE_ERR_VEHICLE);
+    assert_int_equal(verge_road_check_vehicle(road, &vehicle, NULL), VERGE_ERR_VEHICLE);
     vehicle = vehicle_of(VERGE_BODY_ARTICULATED);
     vehicle.trailer_heading = INFINITY;
-    assert_int_equal(verge_road_check_vehicle(road, &vehicle), VERGE_ERR_VEHICLE);
+    assert_int_equal(verge_road_check_vehicle(road, &vehicle, NULL), VERGE_ERR_VEHICLE);
     free(at.memory);
 }
 

@@ -266,17 +266,28 @@ static void a_vehicle_with_one_bad_field_is_refused_and_the_plan_unchanged(void*
     for (uint32_t k = 0; k < sizeof spoils / sizeof spoils[0]; ++k) {
         const verge_vehicle kept = vehicles[1];
         spoils[k](&vehicles[1]);
-        const verge_status alone = verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]);
+        const verge_road* on_road = verge_planner_road(on.planner);
+        verge_vehicle_fault fault = { .field = NULL };
+        const verge_status alone = verge_road_check_vehicle(on_road, &vehicles[1], NULL);
         const verge_status status = verge_planner_step(on.planner, 2, vehicles, 3, &plan);
+        assert_int_equal(verge_vehicles_check(on_road, vehicles, 3, &fault), VERGE_ERR_VEHICLE);
+        assert_int_equal(fault.vehicle_index, 1);
+        assert_int_equal(fault.vehicle_id, vehicles[1].id);
+        assert_non_null(fault.field);
+        assert_true(fault.expected != NULL
+                    || !(fault.value >= fault.min && fault.value <= fault.max));
         vehicles[1] = kept;
+        assert_int_equal(verge_vehicles_check(on_road, vehicles, 3, &fault), VERGE_OK);
+        assert_null(fault.field);
         if (status != VERGE_ERR_VEHICLE || alone != VERGE_ERR_VEHICLE) {
             fail_msg("spoil %u: step says %d, check says %d", k, status, alone);
         }
         assert_memory_equal(&before, &plan, sizeof plan);
     }
-    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]), VERGE_OK);
+    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1], NULL),
+                     VERGE_OK);
     vehicles[1].y = 300.0;
-    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1]),
+    assert_int_equal(verge_road_check_vehicle(verge_planner_road(on.planner), &vehicles[1], NULL),
                      VERGE_ERR_OFF_ROAD);
     free(on.memory);
 }
@@ -358,6 +369,11 @@ static void duplicates_and_crowds_are_refused(void** state)
     vehicles[2].controlled = false;
     vehicles[5].id = 0;
     assert_int_equal(verge_planner_step(on.planner, 1, vehicles, 6, &plan), VERGE_ERR_DUPLICATE);
+    verge_vehicle_fault fault;
+    assert_int_equal(verge_vehicles_check(verge_planner_road(on.planner), vehicles, 6, &fault),
+                     VERGE_ERR_DUPLICATE);
+    assert_string_equal(fault.field, "id");
+    assert_true(fault.value == (double)vehicles[fault.vehicle_index].id);
     vehicles[5].id = 5;
     must_step(on.planner, 1, vehicles, 6);
     assert_int_equal(verge_planner_counters(on.planner).steps, 1); // refused ones do not count

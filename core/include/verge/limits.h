@@ -43,14 +43,19 @@ const verge_vehicle_limit* verge_vehicle_limit_of(const char* name);
 
 /// The first quantity of a vehicle that is out of its range.
 typedef struct verge_vehicle_fault {
+    uint32_t    vehicle_index; ///< in the array that was checked
     int32_t     vehicle_id;
-    const char* field; ///< as in verge_vehicle; null: no fault
+    const char* part;  ///< "body" or "habit"; null: the vehicle itself
+    const char* field; ///< as in verge_vehicle or its part; null: no fault
     const char* unit;
     double      value, min, max;
+    const char* expected; ///< in words, where no range says it; else null
 } verge_vehicle_fault;
 
-/// True if every quantity of the table is in its range. vehicle must not be null; fault may be
-/// null.
+/// Checks what needs no road: id, the quantities of the table, the body if one is given (it has the
+/// vehicle's length and width), the habit of a controlled vehicle. The stages accept every vehicle
+/// that passes and whose target lane is on the road (verge_vehicles_check()). vehicle: null is
+/// refused. fault may be null.
 bool verge_vehicle_check(const verge_vehicle* vehicle, verge_vehicle_fault* fault);
 
 #ifdef __cplusplus

@@ -8,6 +8,7 @@
 #define VERGE_SCENE_H
 
 #include "verge/def.h"
+#include "verge/limits.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -52,10 +53,18 @@ verge_status verge_scene_place(verge_scene* scene, int64_t utime, const verge_ve
 /// Index of a vehicle in the scene, -1 if the scene does not contain it.
 int32_t verge_scene_find(const verge_scene* scene, int32_t vehicle_id);
 
-/// Checks one vehicle as verge_scene_place() does.
-/// @retval VERGE_ERR_VEHICLE   a value is out of range
-/// @retval VERGE_ERR_OFF_ROAD  its centre lies on no lane; verge_scene_place() accepts it
-verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicle* vehicle);
+/// Checks vehicles as verge_scene_place() and verge_planner_step() do. fault may be null; it
+/// names the first vehicle that is refused, the field, its value and range.
+/// @retval VERGE_ERR_VEHICLE    a value out of range, or a target lane that the road does not have
+/// @retval VERGE_ERR_DUPLICATE  a vehicle with the id of one before it
+verge_status verge_vehicles_check(const verge_road* road, const verge_vehicle* vehicles,
+                                  uint32_t vehicle_count, verge_vehicle_fault* fault);
+
+/// The same for one vehicle on its own.
+/// @retval VERGE_ERR_VEHICLE   a value out of range
+/// @retval VERGE_ERR_OFF_ROAD  its centre lies on no lane: not an error for verge_scene_place()
+verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicle* vehicle,
+                                      verge_vehicle_fault* fault);
 
 /// True if the bodies of two vehicles touch. Bodies are oriented rectangles grown by the margin of
 /// the vehicle; trailers are included.

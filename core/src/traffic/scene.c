@@ -1,15 +1,14 @@
 /// The vehicles on the road: checked, ordered by id, each with the lane it drives along.
 #include "verge/scene.h"
 
-#include "verge/limits.h"
-
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/flow.h"
 
-static bool vehicle_holds(const verge_road* road, const verge_vehicle* v);
+static bool vehicle_holds(const verge_road* road, const verge_vehicle* v,
+                          verge_vehicle_fault* fault);
 static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count);
 static verge_lane_position locate(const verge_road* road, const verge_vehicle* v,
                                   int32_t lane_before);
@@ -54,9 +53,10 @@ int32_t verge_scene_find(const verge_scene* scene, int32_t vehicle_id)
     return low < scene->vehicle_count && scene->vehicles[low].id == vehicle_id ? (int32_t)low : -1;
 }
 
-verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicle* vehicle)
+verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicle* vehicle,
+                                      verge_vehicle_fault* fault)
 {
-    if (!vehicle_holds(road, vehicle)) {
+    if (!vehicle_holds(road, vehicle, fault)) {
         return VERGE_ERR_VEHICLE;
     }
     const verge_lane_position at =
@@ -64,48 +64,53 @@ verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicl
     return at.lane_id == VERGE_NO_LANE ? VERGE_ERR_OFF_ROAD : VERGE_OK;
 }
 
-static bool habit_holds(const verge_habit* habit)
+static bool id_is_taken(const verge_vehicle* vehicles, uint32_t index)
 {
-    const verge_weights* w = &habit->weights;
-    const double values[] = { w->curvature, w->heading, w->offset, w->acceleration, w->jerk,
-                              w->obstacle };
-    for (uint32_t i = 0; i < sizeof values / sizeof values[0]; ++i) {
-        if (!(values[i] >= 0.0 && values[i] <= 1e6)) {
-            return false;
+    uint32_t other = 0;
+    while (vehicles[other].id != vehicles[index].id) {
+        ++other;
+    }
+    return other < index;
+}
+
+verge_status verge_vehicles_check(const verge_road* road, const verge_vehicle* vehicles,
+                                  uint32_t vehicle_count, verge_vehicle_fault* fault)
+{
+    verge_vehicle_fault found = { .field = NULL };
+    verge_status status = VERGE_OK;
+    for (uint32_t i = 0; i < vehicle_count && status == VERGE_OK; ++i) {
+        if (!vehicle_holds(road, &vehicles[i], &found)) {
+            status = VERGE_ERR_VEHICLE;
+        } else if (id_is_taken(vehicles, i)) {
+            status = VERGE_ERR_DUPLICATE;
+            found = (verge_vehicle_fault){
+                .vehicle_id = vehicles[i].id, .field = "id", .unit = "1",
+                .value = (double)vehicles[i].id, .max = (double)INT32_MAX,
+                .expected = "an id that no other vehicle has",
+            };
         }
+        found.vehicle_index = i;
     }
-    return habit->cooperation >= 0.0 && habit->cooperation <= 1.0;
+    if (fault != NULL) {
+        *fault = status == VERGE_OK ? (verge_vehicle_fault){ .field = NULL } : found;
+    }
+    return status;
 }
 
-// A single number that is not zero counts: a trailer alone would be one without width and axle.
-static bool body_is_given(const verge_body* body)
+static bool vehicle_holds(const verge_road* road, const verge_vehicle* v,
+                          verge_vehicle_fault* fault)
 {
-    uint32_t count = 0;
-    const verge_body_param* params = verge_body_params(&count);
-    bool given = false;
-    for (uint32_t i = 0; i < count; ++i) {
-        const char* at = (const char*)body + params[i].offset;
-        given = given || *(const double*)(const void*)at != 0.0;
+    if (!verge_vehicle_check(v, fault)) {
+        return false;
     }
-    return given;
-}
-
-// A body is valid if it is not given, or if its numbers are in range and it has the vehicle's size.
-static bool body_holds(const verge_vehicle* v)
-{
-    const verge_body* body = &v->body;
-    if (!body_is_given(body)) {
-        return true;
-    }
-    return verge_body_check(body, NULL) && body->length == v->length && body->width == v->width;
-}
-
-static bool vehicle_holds(const verge_road* road, const verge_vehicle* v)
-{
-    const bool target_known =
+    const bool known =
         v->target_lane == VERGE_NO_LANE || vg_road_lane_index(road, v->target_lane) >= 0;
-    return v->id >= 0 && verge_vehicle_check(v, NULL) && body_holds(v) && target_known
-           && (!v->controlled || habit_holds(&v->habit));
+    if (!known && fault != NULL) {
+        *fault = (verge_vehicle_fault){ .vehicle_id = v->id, .field = "target_lane", .unit = "1",
+                                        .value = (double)v->target_lane, .max = (double)INT32_MAX,
+                                        .expected = "the id of a lane of the road, or none" };
+    }
+    return known;
 }
 
 // Copies the vehicles in the order of their ids. Insertion sort: they are few and often sorted.
@@ -116,7 +121,7 @@ static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, ui
         return VERGE_ERR_CAPACITY;
     }
     for (uint32_t i = 0; i < count; ++i) {
-        if (!vehicle_holds(scene->road, &vehicles[i])) {
+        if (!vehicle_holds(scene->road, &vehicles[i], NULL)) {
             return VERGE_ERR_VEHICLE;
         }
         uint32_t at = i;

@@ -9,6 +9,7 @@
 #define VERGE_VERSION_STRING "0.1.0"
 
 #include "verge/config.h"
+#include "verge/assert.h"
 #include "verge/body.h"
 #include "verge/types.h"
 #include "verge/limits.h"

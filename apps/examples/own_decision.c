@@ -13,7 +13,7 @@ enum { VEHICLES = 9, OWN = 1, OTHER = 2, CYCLES = 160 };
 #define CLEAR 6.0      // [m] beyond which a vehicle from the right has left the crossing
 
 // Everything that one vehicle with 8 neighbours needs, besides its road.
-alignas(64) static unsigned char predictor_memory[20 << 10];
+alignas(64) static unsigned char predictor_memory[29 << 10];
 alignas(64) static unsigned char sampler_memory[44 << 10];
 static verge_vehicle          vehicles[VEHICLES];
 static verge_lane_position    positions[VEHICLES];

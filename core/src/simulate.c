@@ -98,7 +98,7 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
     if (!(dt > 0.0 && dt <= 1.0)) {
         return VERGE_ERR_DEF;
     }
-    if (vehicle_count > self->def.vehicles_max) {
+    if (vehicle_count > self->def.vehicles_max || !vg_pairs_hold(self->pairs, road)) {
         return VERGE_ERR_CAPACITY;
     }
     verge_scene* scene = &self->scene;

@@ -303,6 +303,30 @@ static void a_decision_that_claims_more_vehicles_than_its_array_is_refused(void*
 
 // ---------------------------------------------------------------------------- scenes
 
+/// A stage's memory follows road.lane_count of its def: another road with more lanes does not fit.
+static void a_road_with_more_lanes_than_the_def_says_is_refused(void** state)
+{
+    (void)state;
+    place_three(&one, 10.0);
+    stages* at = &two;
+    memset(at, 0, sizeof *at);
+    at->def = road_def();
+    at->def.road.lane_count = 1;
+    const size_t size = sizeof stage_memory[1][0];
+    verge_humans* humans = NULL;
+    verge_commitment commitment = { 0 };
+    assert_int_equal(verge_decider_init(&at->decider, &at->def, stage_memory[1][0], size), VERGE_OK);
+    assert_int_equal(verge_predictor_init(&at->predictor, &at->def, stage_memory[1][1], size),
+                     VERGE_OK);
+    assert_int_equal(verge_humans_init(&humans, &at->def, stage_memory[1][2], size), VERGE_OK);
+    assert_int_equal(verge_decide(at->decider, &one.scene, &commitment, &one.decision),
+                     VERGE_ERR_CAPACITY);
+    assert_int_equal(verge_predict(at->predictor, &one.scene, NULL, &one.tracks),
+                     VERGE_ERR_CAPACITY);
+    assert_int_equal(verge_humans_advance(humans, one.road, one.vehicles, 1, 0.1),
+                     VERGE_ERR_CAPACITY);
+}
+
 static void a_body_with_only_some_of_its_numbers_is_refused(void** state)
 {
     (void)state;
@@ -583,6 +607,7 @@ int main(void)
         CASE(a_decision_shorter_than_the_trajectory_is_refused),
         CASE(a_decision_that_claims_more_vehicles_than_its_array_is_refused),
         CASE(a_body_with_only_some_of_its_numbers_is_refused),
+        CASE(a_road_with_more_lanes_than_the_def_says_is_refused),
         CASE(a_vehicle_without_a_decision_is_predicted_as_a_human),
         CASE(tracks_of_other_vehicles_or_not_finite_are_refused),
         CASE(of_the_vehicles_own_track_only_its_size_counts),

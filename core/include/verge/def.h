@@ -23,8 +23,8 @@ typedef void verge_executor(void* context, void (*task)(void* arg, uint32_t inde
 /// Defaults, ranges and meaning of the scalar fields: verge_planner_params().
 typedef struct verge_planner_def {
     /// verge_planner_init() builds it. Stages take a built road; of this one they read lane_count
-    /// alone, to keep memory for no more lanes than there are. 0: any road. Not less than the lanes
-    /// of the roads they are used with: a vehicle on a lane that does not fit is related to no other.
+    /// alone, to keep memory for no more lanes than there are. 0: any road. A road with more lanes
+    /// is refused (VERGE_ERR_CAPACITY).
     verge_road_def road;
 
     uint64_t seed;              ///< any value; seed of the only random generator

@@ -94,7 +94,7 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
         return VERGE_ERR_CONFIG;
     }
     // Before any set of vehicles, which has 64 bits.
-    if (scene->vehicle_count > self->def.vehicles_max) {
+    if (scene->vehicle_count > self->def.vehicles_max || !vg_pairs_hold(self->pairs, scene->road)) {
         return VERGE_ERR_CAPACITY;
     }
     const uint64_t controlled = vg_scene_controlled(scene);

@@ -120,7 +120,8 @@ verge_status verge_predict_for(uint64_t config, verge_predictor* self, const ver
     }
     const verge_planner_def* def = &self->def;
     const uint32_t count = scene->vehicle_count;
-    if (count > def->vehicles_max // before any set of vehicles, which has 64 bits
+    if (!vg_pairs_hold(self->pairs, scene->road)
+        || count > def->vehicles_max // before any set of vehicles, which has 64 bits
         || (decision != NULL && decision->vehicle_count > decision->vehicles_max)) {
         return VERGE_ERR_CAPACITY;
     }

@@ -69,11 +69,18 @@ typedef struct vg_pairs {
     vg_pair* of;     ///< [observer * stride + other]
     int32_t* lane;   ///< [stride] the lanes for which the pairs are valid, -1 none
     vg_local* local; ///< relations of the lanes near the vehicles
+    uint32_t lanes_max; ///< of a road, 0: any
 } vg_pairs;
 
 /// Takes memory for the pairs of vehicles_max vehicles on a road of lane_count lanes, 0: not known.
 /// Null: they do not fit, or the arena is measuring.
 vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max, uint32_t lane_count);
+
+/// Does the road have no more lanes than the pairs were taken for?
+static inline bool vg_pairs_hold(const vg_pairs* pairs, const verge_road* road)
+{
+    return pairs->lanes_max == 0 || road->lane_count <= pairs->lanes_max;
+}
 
 /// The quantities that stay constant during a search.
 typedef struct vg_model {

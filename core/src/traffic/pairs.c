@@ -15,7 +15,7 @@ vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max, uint32_t lane_co
         vehicles_max < VERGE_CONTROLLED_MAX ? vehicles_max : VERGE_CONTROLLED_MAX;
     vg_local* local = vg_local_take(arena, lane_count, vehicles_max, targets);
     if (pairs != NULL) {
-        *pairs = (vg_pairs){ vehicles_max, of, lane, local };
+        *pairs = (vg_pairs){ vehicles_max, of, lane, local, lane_count };
     }
     return pairs;
 }

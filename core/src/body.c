@@ -139,7 +139,9 @@ verge_body verge_body_by_size(double length, double width)
 
 const verge_body_param* verge_body_params(uint32_t* count)
 {
-    *count = PARAM_COUNT;
+    if (count != NULL) {
+        *count = PARAM_COUNT;
+    }
     return params;
 }
 
@@ -158,6 +160,12 @@ static double most_of(const verge_body* body, const verge_body_param* param)
 bool verge_body_check(const verge_body* body, verge_body_fault* fault)
 {
     const verge_body_param* bad = NULL;
+    if (body == NULL) {
+        if (fault != NULL) {
+            *fault = (verge_body_fault){ .field = "body", .unit = "1" };
+        }
+        return false;
+    }
     for (uint32_t i = 0; i < PARAM_COUNT && bad == NULL; ++i) {
         const verge_body_param* param = &params[i];
         const bool of_trailer = param->offset >= offsetof(verge_body, hitch)

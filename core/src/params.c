@@ -129,7 +129,9 @@ verge_planner_def verge_planner_default_def_for(uint64_t config)
 
 const verge_param* verge_planner_params(uint32_t* count)
 {
-    *count = (uint32_t)(sizeof params / sizeof params[0]);
+    if (count != NULL) {
+        *count = (uint32_t)(sizeof params / sizeof params[0]);
+    }
     return params;
 }
 
@@ -171,6 +173,12 @@ static const char* first_fault(const verge_planner_def* def)
 
 verge_status verge_planner_check(const verge_planner_def* def, const char** fault)
 {
+    if (def == NULL) {
+        if (fault != NULL) {
+            *fault = "def";
+        }
+        return VERGE_ERR_ARGUMENT;
+    }
     const bool same_config = def->cookie != cookie || def->config == VERGE_CONFIG;
     const char* name = def->cookie != cookie ? "cookie" : same_config ? first_fault(def) : "config";
     if (fault != NULL) {

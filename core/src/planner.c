@@ -119,6 +119,9 @@ void verge_planner_memory_terms(const verge_planner_def* def,
                                 verge_memory_term terms[VERGE_MEMORY_TERMS])
 {
     size_t road = 0, scratch = 0, rest = 0;
+    if (terms == NULL) {
+        return;
+    }
     memset(terms, 0, VERGE_MEMORY_TERMS * sizeof terms[0]);
     if (!measure(def, &road, &scratch, &rest)) {
         return;
@@ -150,7 +153,9 @@ void verge_planner_memory_terms(const verge_planner_def* def,
 verge_status verge_planner_init(verge_planner** planner, const verge_planner_def* def, void* memory,
                                 size_t size)
 {
-    VERGE_ASSERT(planner != NULL);
+    if (planner == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     *planner = NULL;
     const verge_status checked = verge_planner_check(def, NULL);
     if (checked != VERGE_OK) {
@@ -185,6 +190,9 @@ verge_status verge_planner_init(verge_planner** planner, const verge_planner_def
 
 void verge_planner_reset(verge_planner* self)
 {
+    if (self == NULL) {
+        return;
+    }
     self->commitment = (verge_commitment){ 0 };
     self->before_count = 0;
     self->scenes[0].vehicle_count = self->scenes[1].vehicle_count = 0;
@@ -192,18 +200,17 @@ void verge_planner_reset(verge_planner* self)
 
 const verge_road* verge_planner_road(const verge_planner* self)
 {
-    return self->road;
+    return self == NULL ? NULL : self->road;
 }
 
 const verge_scene* verge_planner_scene(const verge_planner* self)
 {
-    VERGE_ASSERT(self != NULL);
-    return &self->scenes[0];
+    return self == NULL ? NULL : &self->scenes[0];
 }
 
 verge_counters verge_planner_counters(const verge_planner* self)
 {
-    return self->counters;
+    return self == NULL ? (verge_counters){ 0 } : self->counters;
 }
 
 // ---------------------------------------------------------------------------- one step
@@ -212,9 +219,11 @@ verge_status verge_planner_step_for(uint64_t config, verge_planner* self, int64_
                                     const verge_vehicle* vehicles, uint32_t vehicle_count,
                                     verge_plan* plan)
 {
-    VERGE_ASSERT(self != NULL && plan != NULL);
     if (config != VERGE_CONFIG) {
         return VERGE_ERR_CONFIG;
+    }
+    if (self == NULL || plan == NULL) {
+        return VERGE_ERR_ARGUMENT;
     }
     const verge_status status = place(self, utime, vehicles, vehicle_count);
     if (status != VERGE_OK) {

@@ -47,7 +47,9 @@ size_t verge_humans_memory_size(const verge_planner_def* def)
 verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* def, void* memory,
                                size_t size)
 {
-    VERGE_ASSERT(humans != NULL);
+    if (humans == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     *humans = NULL;
     const verge_status status = verge_planner_check(def, NULL);
     if (status != VERGE_OK) {
@@ -94,7 +96,9 @@ static void move(verge_humans* self, const vg_flow* next, uint32_t slot, double 
 verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
                                   verge_vehicle* vehicles, uint32_t vehicle_count, double dt)
 {
-    VERGE_ASSERT(self != NULL && road != NULL && (vehicle_count == 0 || vehicles != NULL));
+    if (self == NULL || road == NULL || (vehicle_count > 0 && vehicles == NULL)) {
+        return VERGE_ERR_ARGUMENT;
+    }
     if (!(dt > 0.0 && dt <= 1.0)) {
         return VERGE_ERR_DEF;
     }
@@ -142,7 +146,9 @@ static vg_rectangle pose_of(const verge_vehicle* v)
 
 double verge_vehicle_trailer_heading(const verge_vehicle* before, const verge_vehicle* after)
 {
-    VERGE_ASSERT(before != NULL && after != NULL);
+    if (before == NULL || after == NULL) {
+        return __builtin_nan("");
+    }
     if (vg_body_count(before) == 1) {
         return after->trailer_heading;
     }

@@ -16,6 +16,7 @@ const char* verge_status_text(verge_status status)
     case VERGE_ERR_DUPLICATE: return "two vehicles with one id";
     case VERGE_ERR_OFF_ROAD: return "a vehicle that is on no lane";
     case VERGE_ERR_CONFIG: return "caller and library were compiled with different capacities";
+    case VERGE_ERR_ARGUMENT: return "a null pointer, or a scene that does not hold";
     }
     return "unknown status";
 }
@@ -78,6 +79,9 @@ verge_vehicle verge_vehicle_default(void)
 
 void verge_vehicle_set_body(verge_vehicle* vehicle, const verge_body* body)
 {
+    if (vehicle == NULL || body == NULL) {
+        return;
+    }
     vehicle->body = *body;
     vehicle->length = body->length;
     vehicle->width = body->width;
@@ -85,6 +89,9 @@ void verge_vehicle_set_body(verge_vehicle* vehicle, const verge_body* body)
 
 verge_body verge_vehicle_body(const verge_vehicle* vehicle)
 {
+    if (vehicle == NULL) {
+        return (verge_body){ 0 };
+    }
     return vehicle->body.length > 0.0 ? vehicle->body
                                       : verge_body_by_size(vehicle->length, vehicle->width);
 }
@@ -125,7 +132,11 @@ static void append_neighbour(sentence* to, const char* relation, int32_t id)
 size_t verge_action_say(const verge_action_step* step, char* text, size_t size)
 {
     sentence to = { text, size, 0 };
-    if (size == 0) {
+    if (size == 0 || text == NULL) {
+        return 0;
+    }
+    if (step == NULL) {
+        text[0] = '\0';
         return 0;
     }
     const bool known = (unsigned)step->action < VERGE_ACTION_COUNT;

@@ -125,6 +125,7 @@ verge_status verge_decider_init(verge_decider** decider, const verge_planner_def
 /// are on the road. The result depends on the arguments and the def only.
 /// @retval VERGE_ERR_CAPACITY  more vehicles than the def or the decision holds; nothing is changed
 /// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
+/// @retval VERGE_ERR_ARGUMENT  a null pointer, or the scene is not as scene.h says
 static inline verge_status verge_decide(verge_decider* decider, const verge_scene* scene,
                                         verge_commitment* commitment, verge_decision* decision);
 verge_status verge_decide_for(uint64_t config, verge_decider* decider, const verge_scene* scene,
@@ -145,7 +146,8 @@ static inline verge_status verge_decide(verge_decider* decider, const verge_scen
 static inline const verge_vehicle_decision* verge_decision_of(const verge_decision* decision,
                                                               int32_t vehicle_id)
 {
-    for (uint32_t i = 0; i < decision->vehicle_count; ++i) {
+    const uint32_t count = decision != NULL && decision->vehicles != NULL ? decision->vehicle_count : 0;
+    for (uint32_t i = 0; i < count; ++i) {
         if (decision->vehicles[i].vehicle_id == vehicle_id) {
             return &decision->vehicles[i];
         }

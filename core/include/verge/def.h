@@ -129,6 +129,7 @@ const verge_param* verge_planner_params(uint32_t* count);
 /// Checks every parameter against its range and the relations between them.
 /// @retval VERGE_ERR_DEF  *fault (may be null) is the parameter's name
 /// @retval VERGE_ERR_CONFIG  *fault is "config": the caller was compiled with other capacities
+/// @retval VERGE_ERR_ARGUMENT  def is null
 verge_status verge_planner_check(const verge_planner_def* def, const char** fault);
 
 #ifdef __cplusplus

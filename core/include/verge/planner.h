@@ -57,6 +57,7 @@ verge_status verge_planner_init(verge_planner** planner, const verge_planner_def
 /// ahead, uncontrolled ones are predicted straight ahead.
 /// @retval VERGE_ERR_CAPACITY, VERGE_ERR_VEHICLE, VERGE_ERR_DUPLICATE  plan unchanged
 /// @retval VERGE_ERR_CONFIG  the caller was compiled with other capacities; the plan is unchanged
+/// @retval VERGE_ERR_ARGUMENT  a null pointer; the plan is unchanged
 static inline verge_status verge_planner_step(verge_planner* planner, int64_t utime,
                                               const verge_vehicle* vehicles, uint32_t vehicle_count,
                                               verge_plan* plan);

@@ -84,7 +84,7 @@ verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_i
                                           double y);
 
 /// Position and direction of (s, d) on a lane: Eq. 6 for a body that moves along the lane.
-/// x, y, heading: not null. False: no such lane, or s or d is not finite; nothing is written.
+/// x, y and heading may be null. False: no such lane, or s or d is not finite; nothing is written.
 bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
                    double* x, double* y, double* heading);
 

@@ -22,7 +22,8 @@ verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* d
 /// may be a controlled one. A vehicle off the road, or with a value that verge_scene_place()
 /// rejects, moves straight ahead. Controlled vehicles are not changed. vehicles: in any order.
 /// @retval VERGE_ERR_CAPACITY  more vehicles, or controlled vehicles, than the def holds
-/// @retval VERGE_ERR_DEF       dt is out of range; in both no vehicle is moved
+/// @retval VERGE_ERR_DEF       dt is out of range
+/// @retval VERGE_ERR_ARGUMENT  a null pointer; in all three no vehicle is moved
 verge_status verge_humans_advance(verge_humans* humans, const verge_road* road,
                                   verge_vehicle* vehicles, uint32_t vehicle_count, double dt);
 

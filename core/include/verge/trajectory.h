@@ -54,7 +54,8 @@ static inline void verge_track_begin(verge_track* track, const verge_vehicle* ve
 /// Sets pose and speed at instant k < VERGE_POINTS_MAX. heading [rad] within +-1e6.
 static inline void verge_track_set(verge_track* track, uint32_t k, double x, double y,
                                    double heading, double speed);
-/// Sine and cosine of an angle [rad] within +-1e6, with the same bits on every machine.
+/// Sine and cosine of an angle [rad] within +-1e6, with the same bits on every machine; NaN
+/// beyond. Both may be null.
 void verge_sincos(double angle, double* sine, double* cosine);
 
 typedef struct verge_predictor verge_predictor;
@@ -76,6 +77,7 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
 ///                             another, an unknown lane or action, or a number out of range; in
 ///                             both the tracks are unchanged
 /// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
+/// @retval VERGE_ERR_ARGUMENT  a null pointer, or the scene is not as scene.h says
 static inline verge_status verge_predict(verge_predictor* predictor, const verge_scene* scene,
                                          const verge_decision* decision, verge_tracks* tracks);
 verge_status verge_predict_for(uint64_t config, verge_predictor* predictor,
@@ -162,6 +164,7 @@ verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def
 /// @retval VERGE_ERR_DEF       the decision is one that verge_predict() rejects, or is shorter than
 ///                             the planning horizon; in all three the plan is unchanged
 /// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
+/// @retval VERGE_ERR_ARGUMENT  a null pointer, the scene is not as scene.h says, or before is plan
 static inline verge_status verge_plan_vehicle(verge_sampler* sampler, const verge_scene* scene,
                                               const verge_vehicle_decision* decision,
                                               const verge_tracks* tracks,
@@ -196,6 +199,9 @@ static inline verge_status verge_plan_vehicle(verge_sampler* sampler, const verg
 static inline void verge_track_set(verge_track* track, uint32_t k, double x, double y,
                                    double heading, double speed)
 {
+    if (track == NULL || k >= VERGE_POINTS_MAX) {
+        return;
+    }
     track->x[k] = x;
     track->y[k] = y;
     track->speed[k] = speed;
@@ -204,6 +210,9 @@ static inline void verge_track_set(verge_track* track, uint32_t k, double x, dou
 
 static inline void verge_track_begin(verge_track* track, const verge_vehicle* vehicle)
 {
+    if (track == NULL || vehicle == NULL) {
+        return;
+    }
     track->vehicle_id = vehicle->id;
     track->controlled = vehicle->controlled;
     track->trailer = 0;

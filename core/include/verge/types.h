@@ -19,6 +19,11 @@ extern "C" {
 #endif
 
 /// Result of a call. Negative: the input was rejected and nothing was changed.
+///
+/// No function of the interface fails on a null pointer, a value that is not finite or an id that
+/// does not exist: a call with a status returns VERGE_ERR_ARGUMENT or what it states, all others do
+/// nothing and return zero, null or VERGE_NO_LANE. Two things the library cannot check: that an
+/// array is as long as the caller says, and that a handle is one that was initialised.
 typedef enum verge_status {
     VERGE_OK = 0,
     VERGE_ERR_DEF = -1,         ///< a parameter of the def is out of its range, or the def was not
@@ -31,6 +36,8 @@ typedef enum verge_status {
     VERGE_ERR_DUPLICATE = -6,   ///< two vehicles with one id
     VERGE_ERR_OFF_ROAD = -7,    ///< a vehicle whose centre lies on no lane
     VERGE_ERR_CONFIG = -8,      ///< caller and library were compiled with different capacities
+    VERGE_ERR_ARGUMENT = -9,    ///< a null pointer that the call needs, or a scene that is not as
+                                ///< scene.h says
 } verge_status;
 
 /// A status in words. Never null; static lifetime.

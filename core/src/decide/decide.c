@@ -48,7 +48,9 @@ size_t verge_decider_memory_size(const verge_planner_def* def)
 verge_status verge_decider_init(verge_decider** decider, const verge_planner_def* def, void* memory,
                                 size_t size)
 {
-    VERGE_ASSERT(decider != NULL);
+    if (decider == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     *decider = NULL;
     const verge_status valid = verge_planner_check(def, NULL);
     if (valid != VERGE_OK) {
@@ -80,8 +82,12 @@ static verge_decider* take(vg_arena* arena, const verge_planner_def* def)
 
 void verge_decider_nodes(const verge_decider* self, uint32_t* nodes_peak, uint32_t* bytes_per_node)
 {
-    *nodes_peak = self->nodes_peak;
-    *bytes_per_node = self->bytes_per_node;
+    if (nodes_peak != NULL) {
+        *nodes_peak = self == NULL ? 0 : self->nodes_peak;
+    }
+    if (bytes_per_node != NULL) {
+        *bytes_per_node = self == NULL ? 0 : self->bytes_per_node;
+    }
 }
 
 // ---------------------------------------------------------------------------- one decision
@@ -89,9 +95,12 @@ void verge_decider_nodes(const verge_decider* self, uint32_t* nodes_peak, uint32
 verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_scene* scene,
                               verge_commitment* commitment, verge_decision* decision)
 {
-    VERGE_ASSERT(self != NULL && scene != NULL && commitment != NULL && decision != NULL);
     if (config != VERGE_CONFIG) {
         return VERGE_ERR_CONFIG;
+    }
+    if (self == NULL || commitment == NULL || decision == NULL || !vg_scene_holds(scene)
+        || (decision->vehicles == NULL && decision->vehicles_max > 0)) {
+        return VERGE_ERR_ARGUMENT;
     }
     // Before any set of vehicles, which has 64 bits.
     if (scene->vehicle_count > self->def.vehicles_max || !vg_pairs_hold(self->pairs, scene->road)) {

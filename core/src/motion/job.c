@@ -5,6 +5,7 @@
 #include "base/scalar.h"
 #include "motion/segments.h"
 #include "motion/trailer.h"
+#include "traffic/flow.h"
 
 #include <string.h>
 
@@ -208,7 +209,9 @@ size_t verge_sampler_memory_size(const verge_planner_def* def)
 verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def* def, void* memory,
                                 size_t size)
 {
-    VERGE_ASSERT(sampler != NULL);
+    if (sampler == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     *sampler = NULL;
     const verge_status valid = verge_planner_check(def, NULL);
     if (valid != VERGE_OK) {
@@ -265,11 +268,12 @@ verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const 
                                     const verge_tracks* tracks, const verge_vehicle_plan* before,
                                     verge_vehicle_plan* plan)
 {
-    VERGE_ASSERT(self != NULL && scene != NULL && decision != NULL && tracks != NULL
-                 && plan != NULL);
-    VERGE_ASSERT(before != plan);
     if (config != VERGE_CONFIG) {
         return VERGE_ERR_CONFIG;
+    }
+    if (self == NULL || decision == NULL || tracks == NULL || plan == NULL || before == plan
+        || !vg_scene_holds(scene) || (tracks->of == NULL && tracks->count > 0)) {
+        return VERGE_ERR_ARGUMENT;
     }
     const int32_t index = verge_scene_find(scene, decision->vehicle_id);
     if (index < 0 || !scene->vehicles[index].controlled) {
@@ -295,5 +299,5 @@ verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const 
 
 uint64_t verge_sampler_candidates(const verge_sampler* self)
 {
-    return self->candidates;
+    return self == NULL ? 0 : self->candidates;
 }

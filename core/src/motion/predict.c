@@ -63,7 +63,9 @@ size_t verge_predictor_memory_size(const verge_planner_def* def)
 verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def,
                                   void* memory, size_t size)
 {
-    VERGE_ASSERT(predictor != NULL);
+    if (predictor == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     *predictor = NULL;
     const verge_status status = verge_planner_check(def, NULL);
     if (status != VERGE_OK) {
@@ -108,15 +110,31 @@ static uint64_t decided_vehicles(const verge_scene* scene, const verge_decision*
 
 void verge_sincos(double angle, double* sine, double* cosine)
 {
-    vg_sincos(angle, sine, cosine);
+    double s = __builtin_nan(""), c = s;
+    if (vg_abs(angle) <= 1e6) {
+        vg_sincos(angle, &s, &c);
+    }
+    if (sine != NULL) {
+        *sine = s;
+    }
+    if (cosine != NULL) {
+        *cosine = c;
+    }
 }
 
 verge_status verge_predict_for(uint64_t config, verge_predictor* self, const verge_scene* scene,
                                const verge_decision* decision, verge_tracks* tracks)
 {
-    VERGE_ASSERT(self != NULL && scene != NULL && tracks != NULL);
     if (config != VERGE_CONFIG) {
         return VERGE_ERR_CONFIG;
+    }
+    if (self == NULL || tracks == NULL || !vg_scene_holds(scene)
+        || (tracks->of == NULL && tracks->tracks_max > 0)
+        || (decision != NULL && decision->vehicles == NULL && decision->vehicle_count > 0)) {
+        return VERGE_ERR_ARGUMENT;
+    }
+    if (scene->vehicle_count > self->def.vehicles_max) {
+        return VERGE_ERR_CAPACITY;
     }
     const verge_planner_def* def = &self->def;
     const uint32_t count = scene->vehicle_count;

@@ -93,7 +93,9 @@ size_t verge_road_memory_size(const verge_road_def* def, size_t* road_size)
 verge_status verge_road_init(const verge_road** road, const verge_road_def* def, void* memory,
                              size_t size)
 {
-    VERGE_ASSERT(road != NULL);
+    if (road == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     *road = NULL;
     if (def == NULL || verge_road_check(def, NULL) != VERGE_OK) {
         return VERGE_ERR_ROAD;
@@ -150,9 +152,8 @@ int32_t vg_road_lane_index(const struct verge_road* road, int32_t lane_id)
 verge_lane_position verge_road_project(const verge_road* road, double x, double y, double heading,
                                        int32_t prefer_lane)
 {
-    VERGE_ASSERT(road != NULL);
     verge_lane_position best = { .lane_id = VERGE_NO_LANE };
-    if (!vg_finite(x) || !vg_finite(y) || !(vg_abs(heading) <= 1e6)) {
+    if (road == NULL || !vg_finite(x) || !vg_finite(y) || !(vg_abs(heading) <= 1e6)) {
         return best;
     }
     double best_misfit = VG_HUGE;
@@ -190,15 +191,15 @@ verge_lane_position vg_nearby_position(const vg_nearby* nearby)
 bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
                    double* x, double* y, double* heading)
 {
-    VERGE_ASSERT(x != NULL && y != NULL && heading != NULL);
     const vg_lane* lane = lane_of(road, lane_id);
     if (lane == NULL || !vg_finite(s) || !vg_finite(d)) {
         return false;
     }
     const vg_reference at = vg_lane_at(lane, s);
-    *x = at.x - d * at.sin_heading;
-    *y = at.y + d * at.cos_heading;
-    *heading = vg_atan2(at.sin_heading, at.cos_heading);
+    double unwanted;
+    *(x != NULL ? x : &unwanted) = at.x - d * at.sin_heading;
+    *(y != NULL ? y : &unwanted) = at.y + d * at.cos_heading;
+    *(heading != NULL ? heading : &unwanted) = vg_atan2(at.sin_heading, at.cos_heading);
     return true;
 }
 
@@ -228,7 +229,7 @@ double verge_road_speed_limit(const verge_road* road, int32_t lane_id)
 
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane)
 {
-    const int32_t lane = vg_road_lane_index(road, lane_id);
+    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
     if (lane < 0) {
         return VERGE_NO_LANE;
     }
@@ -239,8 +240,8 @@ int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_
 
 bool verge_road_continues(const verge_road* road, int32_t target_lane, int32_t lane_id)
 {
-    const int32_t lane = vg_road_lane_index(road, lane_id);
-    const int32_t target = vg_road_lane_index(road, target_lane);
+    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
+    const int32_t target = lane < 0 ? -1 : vg_road_lane_index(road, target_lane);
     return lane >= 0 && target >= 0 && vg_road_continues(road, (uint32_t)target, (uint32_t)lane);
 }
 
@@ -410,8 +411,7 @@ static void find_predecessors(struct verge_road* road)
 
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id)
 {
-    VERGE_ASSERT(road != NULL);
-    const int32_t index = vg_road_lane_index(road, lane_id);
+    const int32_t index = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
     return index < 0 ? NULL : &road->lanes[index];
 }
 

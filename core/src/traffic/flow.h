@@ -120,6 +120,9 @@ typedef struct vg_model {
 void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, vg_pairs* pairs,
                    const verge_scene* scene, uint64_t controlled);
 
+/// Does a scene hold what scene.h says of it? A caller may have filled it by hand.
+bool vg_scene_holds(const verge_scene* scene);
+
 /// The controlled vehicles of a scene (bits).
 uint64_t vg_scene_controlled(const verge_scene* scene);
 

@@ -1,7 +1,6 @@
 /// The vehicles on the road: checked, ordered by id, each with the lane it drives along.
 #include "verge/scene.h"
 
-#include "base/contract.h"
 #include "base/scalar.h"
 #include "geometry/trailer.h"
 #include "road/road.h"
@@ -9,6 +8,7 @@
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v,
                           verge_vehicle_fault* fault);
+static bool arrays_hold(const verge_scene* scene);
 static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count);
 static verge_lane_position locate(const verge_road* road, const verge_vehicle* v,
                                   int32_t lane_before);
@@ -16,9 +16,14 @@ static verge_lane_position locate(const verge_road* road, const verge_vehicle* v
 verge_status verge_scene_place(verge_scene* scene, int64_t utime, const verge_vehicle* vehicles,
                                uint32_t vehicle_count, const verge_scene* before)
 {
-    VERGE_ASSERT(scene != NULL && scene->road != NULL && scene != before);
-    VERGE_ASSERT(vehicle_count == 0 || vehicles != NULL);
+    if (scene == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     scene->vehicle_count = 0;
+    if (scene == before || !arrays_hold(scene) || (vehicles == NULL && vehicle_count > 0)
+        || (before != NULL && !arrays_hold(before))) {
+        return VERGE_ERR_ARGUMENT;
+    }
     const verge_status status = accept(scene, vehicles, vehicle_count);
     if (status != VERGE_OK) {
         return status;
@@ -39,8 +44,38 @@ verge_status verge_scene_place(verge_scene* scene, int64_t utime, const verge_ve
     return VERGE_OK;
 }
 
+static bool arrays_hold(const verge_scene* scene)
+{
+    return scene->road != NULL && scene->vehicle_count <= scene->vehicles_max
+           && (scene->vehicles_max == 0 || (scene->vehicles != NULL && scene->positions != NULL));
+}
+
+static bool position_holds(const verge_road* road, const verge_lane_position* at)
+{
+    return at->lane_id == VERGE_NO_LANE
+           || (vg_road_lane_index(road, at->lane_id) >= 0 && vg_abs(at->s) <= 1e7
+               && vg_abs(at->d) <= 1e7);
+}
+
+bool vg_scene_holds(const verge_scene* scene)
+{
+    if (scene == NULL || !arrays_hold(scene)) {
+        return false;
+    }
+    bool holds = true;
+    for (uint32_t i = 0; i < scene->vehicle_count && holds; ++i) {
+        const verge_vehicle* v = &scene->vehicles[i];
+        holds = (i == 0 || v[-1].id < v->id) && vehicle_holds(scene->road, v, NULL)
+                && position_holds(scene->road, &scene->positions[i]);
+    }
+    return holds;
+}
+
 int32_t verge_scene_find(const verge_scene* scene, int32_t vehicle_id)
 {
+    if (scene == NULL || scene->vehicles == NULL) {
+        return -1;
+    }
     uint32_t low = 0, high = scene->vehicle_count;
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2u;
@@ -56,6 +91,9 @@ int32_t verge_scene_find(const verge_scene* scene, int32_t vehicle_id)
 verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicle* vehicle,
                                       verge_vehicle_fault* fault)
 {
+    if (road == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
     if (!vehicle_holds(road, vehicle, fault)) {
         return VERGE_ERR_VEHICLE;
     }
@@ -78,6 +116,9 @@ verge_status verge_vehicles_check(const verge_road* road, const verge_vehicle* v
 {
     verge_vehicle_fault found = { .field = NULL };
     verge_status status = VERGE_OK;
+    if (road == NULL || (vehicles == NULL && vehicle_count > 0)) {
+        return VERGE_ERR_ARGUMENT;
+    }
     for (uint32_t i = 0; i < vehicle_count && status == VERGE_OK; ++i) {
         if (!vehicle_holds(road, &vehicles[i], &found)) {
             status = VERGE_ERR_VEHICLE;
@@ -215,6 +256,9 @@ static uint32_t bodies_of(const verge_vehicle* v, vg_rectangle bodies[2])
 
 bool verge_vehicles_overlap(const verge_vehicle* a, const verge_vehicle* b)
 {
+    if (a == NULL || b == NULL) {
+        return false;
+    }
     vg_rectangle first[2], second[2];
     const uint32_t first_count = bodies_of(a, first), second_count = bodies_of(b, second);
     bool overlap = false;
@@ -227,6 +271,9 @@ bool verge_vehicles_overlap(const verge_vehicle* a, const verge_vehicle* b)
 
 double verge_vehicles_distance(const verge_vehicle* a, const verge_vehicle* b)
 {
+    if (a == NULL || b == NULL) {
+        return 0.0;
+    }
     vg_rectangle first[2], second[2];
     const uint32_t first_count = bodies_of(a, first), second_count = bodies_of(b, second);
     double least = VG_HUGE;

@@ -20,6 +20,7 @@ static_assert(VERGE_ACTION_COUNT <= 8, "sets of actions are bytes");
 
 uint8_t vg_set_member(uint8_t set, uint32_t index)
 {
+    VERGE_ASSERT(index < vg_set_size(set));
     for (; index > 0; --index) {
         set = (uint8_t)(set & (set - 1u));
     }
@@ -63,6 +64,7 @@ bool vg_playout_repair(vg_search* self, uint8_t* actions)
 
 void vg_playout_step(vg_search* self, const uint8_t* actions)
 {
+    VERGE_ASSERT(self->sequence.step_count < VERGE_STEPS_MAX);
     memcpy(self->sequence.actions[self->sequence.step_count++], actions,
            self->model->controlled_count);
     vg_flow_advance(self->model, self->flow, &self->moves, actions, self->next);

@@ -20,6 +20,7 @@ void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg
                    const vg_joint_actions* warm, vg_joint_actions* sequence,
                    verge_search_report* report)
 {
+    VERGE_ASSERT(model->controlled_count > 0 && vg_flow_holds(model, root));
     const verge_planner_def* def = model->def;
     memset(report, 0, sizeof *report);
     vg_tree_empty(tree, model->count, model->controlled_count);

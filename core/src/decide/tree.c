@@ -67,11 +67,13 @@ static const uint8_t* get(const uint8_t* from, void* to, size_t size)
 
 uint32_t vg_tree_trail(const vg_search* self, uint32_t trail, uint32_t step_index)
 {
+    VERGE_ASSERT(trail < VG_TRAIL_COUNT && step_index < VG_TRAIL_LENGTH);
     return self->tree->nodes_max + trail * VG_TRAIL_LENGTH + step_index;
 }
 
 void vg_tree_save(const vg_search* self, uint32_t slot, const vg_flow* flow)
 {
+    VERGE_ASSERT(slot < self->tree->nodes_max + VG_TRAIL_COUNT * VG_TRAIL_LENGTH);
     const size_t count = self->model->count, controlled = self->model->controlled_count;
     uint8_t* to = self->tree->states + (size_t)slot * self->tree->stride;
     to = put(to, flow->station, count * sizeof(float));
@@ -88,6 +90,7 @@ void vg_tree_save(const vg_search* self, uint32_t slot, const vg_flow* flow)
 
 void vg_tree_load(const vg_search* self, uint32_t slot, vg_flow* flow)
 {
+    VERGE_ASSERT(slot < self->tree->nodes_max + VG_TRAIL_COUNT * VG_TRAIL_LENGTH);
     const size_t count = self->model->count, controlled = self->model->controlled_count;
     const uint8_t* from = self->tree->states + (size_t)slot * self->tree->stride;
     from = get(from, flow->station, count * sizeof(float));

@@ -23,6 +23,7 @@ uint32_t vg_contact_first(const verge_track* a, const verge_track* b, double cle
 
 bool vg_contact_at(const verge_track* a, const verge_track* b, double clearance, uint32_t k)
 {
+    VERGE_ASSERT(k < VERGE_POINTS_MAX);
     vg_rectangle body = body_between(a, k, 1.0);
     const vg_rectangle other = body_between(b, k, 1.0);
     body.half_length += clearance;
@@ -32,6 +33,7 @@ bool vg_contact_at(const verge_track* a, const verge_track* b, double clearance,
 
 uint32_t vg_contact_new(const verge_track* a, const verge_track* b, double clearance, uint32_t to)
 {
+    VERGE_ASSERT(to < VERGE_POINTS_MAX);
     if (!vg_contact_at(a, b, clearance, 0)) {
         return vg_contact_first(a, b, clearance, 0, to);
     }

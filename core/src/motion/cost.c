@@ -1,6 +1,7 @@
 /// See cost.h. This is the simple form. batch.c is the fast form for eight candidates at a time; a
 /// test compares both.
 #include "motion/cost.h"
+#include "base/contract.h"
 #include "motion/trailer.h"
 
 vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const verge_track* own,
@@ -28,6 +29,8 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
                        const verge_planner_def* def, const verge_weights* weights,
                        const verge_tracks* tracks, uint32_t own, bool in_lane)
 {
+    VERGE_ASSERT(start < last && last < VERGE_POINTS_MAX);
+    VERGE_ASSERT(own < tracks->count);
     const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own], leg->limits->rear_axle);
     const uint32_t trailer = vg_trailer_of(tracks, own);
     verge_cost cost = { 0 };

@@ -1,5 +1,6 @@
 /// See follow.h.
 #include "motion/follow.h"
+#include "base/contract.h"
 #include "motion/trailer.h"
 
 /// Bodies slower than this stand: their heading does not matter. [m/s]
@@ -18,6 +19,8 @@ static double stop_within(double distance, const vg_state* from, double T);
 
 double vg_follow_speed(const vg_following* f, const vg_state* from, double braking)
 {
+    VERGE_ASSERT(f->T > 0.0 && braking > 0.0);
+    VERGE_ASSERT(f->start < f->last && f->last < VERGE_POINTS_MAX);
     const double v = from->s_t;
     const double reach = v * f->T + v * v / (2.0 * braking) + reach_reserve;
     double least = VG_HUGE;

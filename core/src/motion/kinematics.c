@@ -114,6 +114,8 @@ static vg_profile stop_smoothly(const vg_state* start, double T)
 /// Gives the last piece a jerk, a snap and an end, and begins the next one there.
 static void append(vg_profile* profile, double duration, double jerk, double snap)
 {
+    VERGE_ASSERT(profile->count >= 1 && profile->count < VG_PIECES_MAX);
+    VERGE_ASSERT(duration >= 0.0);
     VERGE_ASSERT(profile->count < VG_PIECES_MAX);
     vg_piece* last = &profile->pieces[profile->count - 1];
     last->j = jerk;
@@ -125,6 +127,7 @@ static void append(vg_profile* profile, double duration, double jerk, double sna
 
 vg_piece vg_profile_at(const vg_profile* profile, double t)
 {
+    VERGE_ASSERT(profile->count >= 1 && profile->count <= VG_PIECES_MAX);
     uint32_t i = profile->count - 1;
     while (i > 0 && t < profile->pieces[i].t) {
         --i;
@@ -220,6 +223,7 @@ static void convert_to_distance(double d[4], const vg_piece* at)
 
 vg_row vg_leg_row(const vg_leg* leg, double t)
 {
+    VERGE_ASSERT(leg->span > 0.0);
     const vg_piece at = vg_profile_at(&leg->profile, t);
     vg_row row = { .line = vg_path_at(leg->path, at.s),
                    .s = at.s, .s_t = at.v, .s_tt = at.a, .s_ttt = at.j };

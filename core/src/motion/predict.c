@@ -291,6 +291,8 @@ static double joint_slope(const verge_road* road, const vg_expected* expected, u
 static void set_decided_state(const verge_predictor* self, uint32_t slot, double t, vg_flow* now,
                               double* d_rate)
 {
+    VERGE_ASSERT(slot < self->model->controlled_count);
+    VERGE_ASSERT(t >= 0.0);
     const verge_road* road = self->model->road;
     const vg_expected* expected = &self->expected[slot];
     uint32_t m = 0; // the step t lies in

@@ -85,6 +85,7 @@ static void set_end(const verge_road* road, const vg_expected* expected, uint32_
 
 void vg_segments_from(const vg_expected* expected, vg_job* job)
 {
+    VERGE_ASSERT(expected->step_count >= 1 && expected->step_count <= VERGE_STEPS_MAX);
     const verge_planner_def* def = job->def;
     const double horizon = (double)(def->points - 1u) * def->point_s;
     const double* t = expected->t;
@@ -127,6 +128,8 @@ static double expected_at(const vg_expected* expected, double t, double* distanc
 
 void vg_segments_finish_change(const vg_expected* expected, uint32_t lane, double left, vg_job* job)
 {
+    VERGE_ASSERT(lane < job->road->lane_count);
+    VERGE_ASSERT(job->segment_count >= 1);
     const verge_planner_def* def = job->def;
     const verge_road* road = job->road;
     const double horizon = (double)(def->points - 1u) * def->point_s;

@@ -20,6 +20,7 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
                       const vg_segment* segment, const vg_path* path, uint32_t reference,
                       const vg_state* start, double T, const verge_tracks* tracks, bool emergency)
 {
+    VERGE_ASSERT(T > 0.0);
     const verge_planner_def* def = job->def;
     VERGE_ASSERT(def->sample_speeds >= 1 && def->sample_speeds <= VERGE_SAMPLE_SPEEDS_MAX);
     VERGE_ASSERT(def->sample_offsets <= VERGE_SAMPLE_OFFSETS_MAX);

@@ -165,6 +165,7 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
 bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_lane* lane,
                            uint32_t last, double braking)
 {
+    VERGE_ASSERT(last < VERGE_POINTS_MAX && braking > 0.0);
     const verge_track* body = &ws->body;
     double s = __builtin_nan(""), end = lane->length;
     for (uint32_t k = 0; k <= last; ++k) {
@@ -200,6 +201,7 @@ void vg_cost_add(verge_cost* sum, const verge_cost* cost)
 
 void vg_workspace_emit(const vg_workspace* ws, const vg_job* job, verge_vehicle_plan* plan)
 {
+    VERGE_ASSERT(job->def->points <= VERGE_POINTS_MAX);
     const verge_vehicle* v = job->vehicle;
     plan->point_count = job->def->points;
     plan->cost = ws->cost;

@@ -9,6 +9,7 @@
 #ifndef VG_ROAD_LOCAL_H
 #define VG_ROAD_LOCAL_H
 
+#include "base/contract.h"
 #include "road/road.h"
 
 #ifdef __cplusplus
@@ -89,6 +90,7 @@ uint32_t vg_local_column(vg_local* local, int32_t target);
 /// How a vehicle on lane b appears to one on lane a; kind VG_UNRELATED where one is not near.
 static inline const vg_relation* vg_local_relation(const vg_local* local, uint32_t a, uint32_t b)
 {
+    VERGE_ASSERT(a < VERGE_LANES_MAX && b < VERGE_LANES_MAX);
     static const vg_relation unrelated = { .kind = VG_UNRELATED };
     const uint32_t at = local->place[a], to = local->place[b];
     return at == VG_NOT_LOCAL || to == VG_NOT_LOCAL ? &unrelated
@@ -99,6 +101,7 @@ static inline const vg_relation* vg_local_relation(const vg_local* local, uint32
 static inline bool vg_local_matters(const vg_local* local, uint32_t column, uint32_t lane,
                                     uint32_t other)
 {
+    VERGE_ASSERT(column < local->columns);
     const uint32_t at = local->place[lane], to = local->place[other];
     return at != VG_NOT_LOCAL && to != VG_NOT_LOCAL
            && (local->matters[column * local->capacity + at] >> to & 1u) != 0;

@@ -9,6 +9,7 @@
 #ifndef VG_ROAD_INTERNAL_H
 #define VG_ROAD_INTERNAL_H
 
+#include "base/contract.h"
 #include "base/arena.h"
 #include "geometry/line.h"
 #include "verge/road.h"
@@ -171,11 +172,13 @@ verge_lane_position vg_nearby_position(const vg_nearby* nearby);
 
 static inline uint32_t vg_lane_predecessor_count(const struct verge_road* road, uint32_t lane)
 {
+    VERGE_ASSERT(lane < road->lane_count);
     return road->predecessors_from[lane + 1] - road->predecessors_from[lane];
 }
 /// The k-th lane that `lane` continues.
 static inline int32_t vg_lane_predecessor(const struct verge_road* road, uint32_t lane, uint32_t k)
 {
+    VERGE_ASSERT(k < vg_lane_predecessor_count(road, lane));
     return road->predecessors[road->predecessors_from[lane] + k];
 }
 
@@ -185,11 +188,13 @@ int32_t vg_lane_before(const struct verge_road* road, uint32_t lane);
 /// Does the lane run through an area shared with a lane that is not related to it?
 static inline bool vg_road_has_conflicts(const struct verge_road* road, uint32_t lane)
 {
+    VERGE_ASSERT(lane < road->lane_count);
     return road->conflicts_from[lane] != road->conflicts_from[lane + 1];
 }
 
 static inline vg_way vg_road_way(const struct verge_road* road, uint32_t lane, uint32_t target)
 {
+    VERGE_ASSERT(lane < road->lane_count && target < road->lane_count);
     return road->ways[target * road->lane_count + lane];
 }
 /// Lane changes needed from `lane` to reach the lane `target`; VG_NEVER: it cannot be reached.
@@ -208,6 +213,8 @@ static inline int32_t vg_road_turn(const struct verge_road* road, uint32_t lane,
 /// The lane that continues `lane` towards `target` (lane index, -1 none); -1: the lane ends.
 static inline int32_t vg_road_next(const struct verge_road* road, uint32_t lane, int32_t target)
 {
+    VERGE_ASSERT(lane < road->lane_count);
+    VERGE_ASSERT(target < (int32_t)road->lane_count);
     const vg_lane* from = &road->lanes[lane];
     if (from->successor_count == 0) {
         return -1;
@@ -229,6 +236,7 @@ enum { VG_WALK_LANES = 8 };
 
 static inline vg_walk vg_walk_from(const struct verge_road* road, uint32_t lane, int32_t target)
 {
+    VERGE_ASSERT(lane < road->lane_count);
     return (vg_walk){ road, target, lane, 0 };
 }
 /// Advances to the lane that continues this one. False: there is none, or the walk is at its end.

@@ -1,5 +1,6 @@
 /// See advance.h.
 #include "traffic/advance.h"
+#include "base/contract.h"
 
 #include "traffic/humans.h"
 #include "traffic/pairs.h"
@@ -16,6 +17,8 @@ static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* nex
 void vg_flow_advance(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
                      const uint8_t* actions, vg_flow* next)
 {
+    VERGE_ASSERT(flow != next);
+    VERGE_ASSERT(vg_flow_holds(model, flow));
     for (uint32_t slot = 0; slot < model->count; ++slot) {
         const uint8_t action = slot < model->controlled_count ? actions[slot] : 0;
         next->station[slot] = moves->station[vg_actions[action].along][slot];
@@ -30,6 +33,8 @@ void vg_flow_advance(const vg_model* model, const vg_flow* flow, const vg_moves*
 
 void vg_flow_follow(const vg_model* model, const vg_flow* flow, double dt, vg_flow* next)
 {
+    VERGE_ASSERT(flow != next && dt > 0.0);
+    VERGE_ASSERT(vg_flow_holds(model, flow));
     if (!model->single_axis) {
         vg_pairs_update(model, flow);
     }

@@ -1,5 +1,6 @@
 /// See conflict.h.
 #include "traffic/conflict.h"
+#include "base/contract.h"
 
 #include "traffic/pairs.h"
 
@@ -113,6 +114,7 @@ static __attribute__((noinline)) uint32_t conflicts_in_areas(const vg_model* mod
 uint32_t vg_flow_conflicts(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
                            const uint8_t* actions)
 {
+    VERGE_ASSERT(model->controlled_count <= model->count);
     uint32_t conflicts = 0;
     chosen to;
     choose_moves(model, flow, moves, actions, &to);

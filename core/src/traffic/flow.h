@@ -144,6 +144,10 @@ static inline double vg_flow_s(const vg_model* model, const vg_flow* flow, uint3
 /// Looks up the road fields of all slots. Call it after station, d, v or lane were set.
 void vg_flow_derive(const vg_model* model, vg_flow* flow);
 
+/// True if every slot is on a lane of the road with finite coordinates and a speed of 0 or more: what
+/// each step of a search expects and leaves. For assertions and tests.
+bool vg_flow_holds(const vg_model* model, const vg_flow* flow);
+
 /// y of a lane's centre at a station [m].
 float vg_lane_lateral(const vg_lane* lane, float station);
 

@@ -1,5 +1,6 @@
 /// See humans.h.
 #include "traffic/humans.h"
+#include "base/contract.h"
 
 #include "traffic/pairs.h"
 
@@ -26,6 +27,8 @@ VG_INLINE float acceleration_of(const idm* p, float braking, float v, float per_
 void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, float* station_to,
                          float* v_to, float* y_to)
 {
+    VERGE_ASSERT(dt > 0.0f);
+    VERGE_ASSERT(model->count <= VERGE_VEHICLES_MAX);
     const verge_planner_def* def = model->def;
     const idm p = { (float)def->idm_gap, (float)def->idm_headway_s, (float)def->idm_acceleration,
                     0.5f / (float)def->idm_comfort };

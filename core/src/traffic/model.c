@@ -199,3 +199,14 @@ float vg_lane_lateral(const vg_lane* lane, float station)
 {
     return vg_bin_centre(vg_bin_at(lane, station));
 }
+
+bool vg_flow_holds(const vg_model* model, const vg_flow* flow)
+{
+    bool holds = model->controlled_count <= model->count && model->count <= VERGE_VEHICLES_MAX;
+    for (uint32_t slot = 0; holds && slot < model->count; ++slot) {
+        holds = flow->lane[slot] >= 0 && flow->lane[slot] < (int32_t)model->road->lane_count
+                && vg_finite((double)flow->station[slot]) && vg_finite((double)flow->d[slot])
+                && flow->v[slot] >= 0.0f && flow->rate[slot] > 0.0f;
+    }
+    return holds;
+}

@@ -39,6 +39,7 @@ void vg_flow_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 
 void vg_flow_moves_unchecked(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 {
+    VERGE_ASSERT(model->controlled_count <= model->count);
     if (!model->single_axis) {
         vg_pairs_update(model, flow);
     }
@@ -190,6 +191,8 @@ static bool change_fits(const vg_model* model, const vg_flow* flow, const vg_mov
 bool vg_flow_check_change(const vg_model* model, const vg_flow* flow, vg_moves* moves,
                           uint32_t slot, uint8_t action)
 {
+    VERGE_ASSERT(slot < model->controlled_count);
+    VERGE_ASSERT(vg_action_changes_lane(action));
     const uint8_t bit = (uint8_t)(1u << action);
     if ((moves->unchecked[slot] & bit) != 0) {
         // A slow vehicle needs more steps for the change. The lateral distance that is checked is

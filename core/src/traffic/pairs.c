@@ -37,6 +37,7 @@ static void relate(const vg_model* model, const vg_flow* flow, uint32_t seen, ui
 
 void vg_pairs_update(const vg_model* model, const vg_flow* flow)
 {
+    VERGE_ASSERT(model->count <= model->pairs->stride);
     vg_pairs* pairs = model->pairs;
     for (uint32_t slot = 0; slot < model->count; ++slot) {
         if (pairs->lane[slot] == flow->lane[slot]) {
@@ -118,6 +119,7 @@ vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i,
 void vg_flow_neighbours(const vg_model* model, const vg_flow* flow, uint32_t slot, int32_t* ahead,
                         int32_t* behind)
 {
+    VERGE_ASSERT(slot < model->count);
     float lead = 0.1f * VG_FAR_AWAY, back = -0.1f * VG_FAR_AWAY;
     *ahead = *behind = -1;
     if (!model->single_axis) {

@@ -76,6 +76,7 @@ void vg_flow_earn(const vg_model* model, const vg_flow* before, const vg_moves* 
 
 bool vg_flow_in_target(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
+    VERGE_ASSERT(slot < model->controlled_count);
     const float d = flow->d[slot];
     return changes_left(model, flow, slot) == 0 && d <= VG_REACHED_OFFSET
            && d >= -VG_REACHED_OFFSET;

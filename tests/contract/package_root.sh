@@ -97,6 +97,8 @@ grep -q 'by the site' "$root/etc/verge/rsu.json" || fail "an upgrade overwrote t
 inside dpkg --remove verge-rsu verge-tools >"$work/remove.log" 2>&1
 [ -f "$root/etc/verge/rsu.json" ] || fail "removing took the configuration away"
 inside dpkg --purge verge-rsu verge-tools >"$work/purge.log" 2>&1
-find "$root/etc" "$root/usr/bin" "$root/usr/lib" "$root/var/lib" -name '*verge*' >"$work/after"
+# Names that begin with ours: libraries of others have files on convergence and divergence.
+find "$root/etc" "$root/usr/bin" "$root/usr/lib" "$root/var/lib" \
+    \( -name 'verge*' -o -name 'libverge*' \) >"$work/after"
 [ ! -s "$work/after" ] || fail "purged, and yet there: $(tr '\n' ' ' <"$work/after")"
 echo "installed, planned, upgraded, removed and purged on a fresh Debian"

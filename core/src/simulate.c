@@ -2,9 +2,9 @@
 /// desired speed.
 #include "verge/simulate.h"
 
-#include "base/arena.h"
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "base/stage.h"
 #include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/advance.h"
@@ -17,7 +17,7 @@ struct verge_humans {
     vg_flow*  flows; // [2] at the start, and dt later
 };
 
-static verge_humans* take(vg_arena* arena, const verge_planner_def* def)
+static void* take(vg_arena* arena, const verge_planner_def* def)
 {
     const uint32_t vehicles_max = def->vehicles_max;
     verge_humans* self = vg_arena_take(arena, sizeof *self);
@@ -35,13 +35,7 @@ static verge_humans* take(vg_arena* arena, const verge_planner_def* def)
 
 size_t verge_humans_memory_size(const verge_planner_def* def)
 {
-    vg_arena arena;
-    vg_arena_init(&arena, NULL, 0);
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return 0;
-    }
-    (void)take(&arena, def);
-    return arena.used;
+    return vg_stage_size(def, take);
 }
 
 verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* def, void* memory,
@@ -50,18 +44,10 @@ verge_status verge_humans_init(verge_humans** humans, const verge_planner_def* d
     if (humans == NULL) {
         return VERGE_ERR_ARGUMENT;
     }
-    *humans = NULL;
-    const verge_status status = verge_planner_check(def, NULL);
-    if (status != VERGE_OK) {
-        return status;
-    }
-    vg_arena arena;
-    if (!vg_arena_begin(&arena, memory, size)) {
-        return VERGE_ERR_MEMORY;
-    }
-    verge_humans* self = take(&arena, def);
-    *humans = arena.failed ? NULL : self;
-    return *humans == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+    void* stage = NULL;
+    const verge_status status = vg_stage_init(&stage, def, memory, size, take);
+    *humans = stage;
+    return status;
 }
 
 // A vehicle that verge_scene_place() would reject counts as on no lane.

@@ -3,9 +3,9 @@
 /// the warm start of the search.
 #include "verge/decision.h"
 
-#include "base/arena.h"
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "base/stage.h"
 #include "decide/search.h"
 #include "traffic/advance.h"
 #include "traffic/pairs.h"
@@ -21,7 +21,7 @@ struct verge_decider {
     uint32_t  nodes_peak, bytes_per_node;
 };
 
-static verge_decider* take(vg_arena* arena, const verge_planner_def* def);
+static void* take(vg_arena* arena, const verge_planner_def* def);
 static bool recall(const verge_decider* self, const verge_scene* scene,
                    const verge_commitment* commitment, vg_joint_actions* sequence);
 static void commit(const verge_decider* self, const verge_scene* scene,
@@ -36,13 +36,7 @@ static void write_steps(verge_decider* self, const verge_scene* scene,
 
 size_t verge_decider_memory_size(const verge_planner_def* def)
 {
-    vg_arena arena;
-    vg_arena_init(&arena, NULL, 0);
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return 0;
-    }
-    (void)take(&arena, def);
-    return arena.used;
+    return vg_stage_size(def, take);
 }
 
 verge_status verge_decider_init(verge_decider** decider, const verge_planner_def* def, void* memory,
@@ -51,21 +45,13 @@ verge_status verge_decider_init(verge_decider** decider, const verge_planner_def
     if (decider == NULL) {
         return VERGE_ERR_ARGUMENT;
     }
-    *decider = NULL;
-    const verge_status valid = verge_planner_check(def, NULL);
-    if (valid != VERGE_OK) {
-        return valid;
-    }
-    vg_arena arena;
-    if (!vg_arena_begin(&arena, memory, size)) {
-        return VERGE_ERR_MEMORY;
-    }
-    verge_decider* self = take(&arena, def);
-    *decider = arena.failed ? NULL : self;
-    return *decider == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+    void* stage = NULL;
+    const verge_status status = vg_stage_init(&stage, def, memory, size, take);
+    *decider = stage;
+    return status;
 }
 
-static verge_decider* take(vg_arena* arena, const verge_planner_def* def)
+static void* take(vg_arena* arena, const verge_planner_def* def)
 {
     verge_decider* self = vg_arena_take(arena, sizeof *self);
     vg_tree* tree = vg_tree_take(arena, def);

@@ -3,6 +3,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "base/stage.h"
 #include "motion/segments.h"
 #include "motion/trailer.h"
 #include "traffic/flow.h"
@@ -183,7 +184,7 @@ struct verge_sampler {
     uint64_t          candidates;
 };
 
-static verge_sampler* take(vg_arena* arena, const verge_planner_def* def)
+static void* take(vg_arena* arena, const verge_planner_def* def)
 {
     verge_sampler* self = vg_arena_take(arena, sizeof *self);
     vg_workspace* workspace = vg_workspace_take(arena, def);
@@ -197,13 +198,7 @@ static verge_sampler* take(vg_arena* arena, const verge_planner_def* def)
 
 size_t verge_sampler_memory_size(const verge_planner_def* def)
 {
-    vg_arena arena;
-    vg_arena_init(&arena, NULL, 0);
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return 0;
-    }
-    (void)take(&arena, def);
-    return arena.used;
+    return vg_stage_size(def, take);
 }
 
 verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def* def, void* memory,
@@ -212,18 +207,10 @@ verge_status verge_sampler_init(verge_sampler** sampler, const verge_planner_def
     if (sampler == NULL) {
         return VERGE_ERR_ARGUMENT;
     }
-    *sampler = NULL;
-    const verge_status valid = verge_planner_check(def, NULL);
-    if (valid != VERGE_OK) {
-        return valid;
-    }
-    vg_arena arena;
-    if (!vg_arena_begin(&arena, memory, size)) {
-        return VERGE_ERR_MEMORY;
-    }
-    verge_sampler* self = take(&arena, def);
-    *sampler = arena.failed ? NULL : self;
-    return *sampler == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+    void* stage = NULL;
+    const verge_status status = vg_stage_init(&stage, def, memory, size, take);
+    *sampler = stage;
+    return status;
 }
 
 static bool track_holds(const verge_track* track, uint32_t points)

@@ -4,9 +4,9 @@
 /// cubic between the ends of the step, at rest where a run of lane changes begins or ends.
 #include "verge/trajectory.h"
 
-#include "base/arena.h"
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "base/stage.h"
 #include "motion/expected.h"
 #include "motion/trailer.h"
 #include "traffic/advance.h"
@@ -35,7 +35,7 @@ struct verge_predictor {
     drift*       drifts;   // [vehicles_max]
 };
 
-static verge_predictor* take(vg_arena* arena, const verge_planner_def* def);
+static void* take(vg_arena* arena, const verge_planner_def* def);
 static bool read_decision(verge_predictor* self, const verge_scene* scene,
                           const verge_decision* decision);
 static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle, uint32_t slot);
@@ -51,13 +51,7 @@ static void set_pose(const verge_predictor* self, verge_track* track, const vg_f
 
 size_t verge_predictor_memory_size(const verge_planner_def* def)
 {
-    vg_arena arena;
-    vg_arena_init(&arena, NULL, 0);
-    if (verge_planner_check(def, NULL) != VERGE_OK) {
-        return 0;
-    }
-    (void)take(&arena, def);
-    return arena.used;
+    return vg_stage_size(def, take);
 }
 
 verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def,
@@ -66,21 +60,13 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
     if (predictor == NULL) {
         return VERGE_ERR_ARGUMENT;
     }
-    *predictor = NULL;
-    const verge_status status = verge_planner_check(def, NULL);
-    if (status != VERGE_OK) {
-        return status;
-    }
-    vg_arena arena;
-    if (!vg_arena_begin(&arena, memory, size)) {
-        return VERGE_ERR_MEMORY;
-    }
-    verge_predictor* self = take(&arena, def);
-    *predictor = arena.failed ? NULL : self;
-    return *predictor == NULL ? VERGE_ERR_MEMORY : VERGE_OK;
+    void* stage = NULL;
+    const verge_status status = vg_stage_init(&stage, def, memory, size, take);
+    *predictor = stage;
+    return status;
 }
 
-static verge_predictor* take(vg_arena* arena, const verge_planner_def* def)
+static void* take(vg_arena* arena, const verge_planner_def* def)
 {
     verge_predictor* self = vg_arena_take(arena, sizeof *self);
     vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max, def->road.lane_count);

@@ -711,6 +711,34 @@ static void a_change_takes_as_long_as_it_was_planned_to(void** state)
     free(one.memory);
 }
 
+/// A change that has arrived is over: the next trajectory does not continue it, and the decision's
+/// acceleration is driven again.
+static void a_change_that_has_arrived_is_not_continued(void** state)
+{
+    (void)state;
+    road under;
+    const verge_planner_def def = def_on(&under);
+    built one = build(&def);
+    for (int32_t start = 0; start < 3; ++start) {
+        const int32_t target = start == 1 ? 2 : 1;
+        verge_vehicle vehicle = vehicle_at(1, true, start, 50.0, 7.0, target);
+        verge_planner_reset(one.planner);
+        uint32_t arrived = 0, changes = 0;
+        for (int cycle = 0; cycle < 16; ++cycle) {
+            const bool there = fabs(vehicle.y - target * lane_width) < 0.2;
+            must_step(one.planner, cycle * 500000, &vehicle, 1);
+            const bool changing = plan.vehicles[0].change_lane_id != VERGE_NO_LANE;
+            assert_true(!there || !changing);
+            arrived += there;
+            changes += changing;
+            drive_on(&def, &vehicle, 1, 0.5);
+        }
+        assert_true(arrived >= 4 && changes >= 3);
+        CHECK_BETWEEN(vehicle.speed, 7.0 + 1.0, 25.0);
+    }
+    free(one.memory);
+}
+
 static void humans_drive_by_the_idm_and_are_predicted_as_measured(void** state)
 {
     (void)state;
@@ -809,6 +837,7 @@ int main(void)
         cmocka_unit_test(the_executor_does_not_change_the_plan),
         cmocka_unit_test(nothing_new_means_the_same_actions),
         cmocka_unit_test(a_change_takes_as_long_as_it_was_planned_to),
+        cmocka_unit_test(a_change_that_has_arrived_is_not_continued),
         cmocka_unit_test(humans_drive_by_the_idm_and_are_predicted_as_measured),
         cmocka_unit_test(sentences_say_what_a_step_does_and_fit_their_space),
         cmocka_unit_test(bodies_touch_as_rectangles_do),

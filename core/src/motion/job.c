@@ -18,6 +18,8 @@ static const double size_slack = 1e-6;
 static const double curvature_max = 100.0;
 // A vehicle nearer than this to its last trajectory follows it. [m]
 static const double on_plan_distance = 0.3;
+// A change is complete on its lane, nearer to the centre than this. Lane keeping does the rest. [m]
+static const double change_done_within = 0.2;
 // Deceleration above which the brake lights are on: more than engine braking. [m/s^2]
 static const double brake_light_from = 0.8;
 
@@ -103,6 +105,15 @@ static bool on_trajectory(const verge_vehicle* v, const verge_vehicle_plan* befo
     return dx * dx + dy * dy < on_plan_distance * on_plan_distance;
 }
 
+// Has the vehicle arrived on the lane that its last trajectory changes to? Without this end a
+// change would be continued for ever: what is left of it is at least finish_min (segments.c), which
+// is longer than a cycle, and would be remembered as a change in progress.
+static bool change_is_done(const vg_job* job, int32_t lane)
+{
+    return vg_road_continues(job->road, (uint32_t)lane, job->lane)
+           && vg_abs(job->d) < change_done_within;
+}
+
 // Continues a lane change in progress of a vehicle that follows its last trajectory.
 static void finish_change(const vg_expected* expected, int64_t utime,
                           const verge_vehicle_plan* before, vg_job* job)
@@ -114,7 +125,7 @@ static void finish_change(const vg_expected* expected, int64_t utime,
     const double k = age / job->def->point_s + 0.5;
     const int32_t lane = vg_road_lane_index(job->road, before->change_lane_id);
     if (k >= 0.0 && k < (double)job->def->points && lane >= 0 && before->change_end > age
-        && on_trajectory(job->vehicle, before, (uint32_t)k)) {
+        && !change_is_done(job, lane) && on_trajectory(job->vehicle, before, (uint32_t)k)) {
         vg_segments_finish_change(expected, (uint32_t)lane, before->change_end - age, job);
     }
 }

@@ -87,6 +87,8 @@ typedef struct vg_model {
     const verge_planner_def* def;
     const verge_road* road;
     uint32_t count, controlled_count;
+    bool     best;        ///< the search is VERGE_SEARCH_BEST: drives as traffic does, not only as
+                          ///< the paper's rules
     bool     single_axis; ///< one bundle, no successors, no conflicts: stations compare as they are
     bool     rings;   ///< some relation has a period
     bool     conflicts; ///< some lanes conflict

@@ -42,6 +42,22 @@ static uint64_t digest_actions(uint64_t digest, const verge_vehicle_plan* plan)
     return digest;
 }
 
+// A vehicle that nothing holds back has the digest that it had before plans stated a reason.
+static uint64_t digest_order(uint64_t digest, const verge_vehicle_plan* plan)
+{
+    if (plan->why.code != VERGE_WHY_NONE) {
+        digest = digest_i32(digest, (int32_t)plan->why.code);
+        digest = digest_i32(digest, plan->why.vehicle_id);
+        digest = digest_i32(digest, plan->why.lane_id);
+    }
+    for (uint32_t i = 0; i < plan->pass_count; ++i) {
+        digest = digest_i32(digest, plan->passes[i].lane_id);
+        digest = digest_i32(digest, plan->passes[i].other_lane_id);
+        digest = digest_i32(digest, plan->passes[i].after_id);
+    }
+    return digest;
+}
+
 static uint64_t digest_points(uint64_t digest, const verge_vehicle_plan* plan)
 {
     digest = digest_u64(digest, plan->point_count);
@@ -71,6 +87,7 @@ uint64_t vg_digest_plan(const verge_plan* plan)
         digest = digest_i32(digest, (int32_t)vehicle->status);
         digest = digest_i32(digest, (int32_t)vehicle->reason);
         digest = digest_actions(digest, vehicle);
+        digest = digest_order(digest, vehicle);
         digest = digest_points(digest, vehicle);
     }
     for (uint32_t v = 0; v < plan->prediction_count; ++v) {

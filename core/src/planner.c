@@ -9,6 +9,7 @@
 #include "digest.h"
 #include "motion/job.h"
 #include "traffic/flow.h"
+#include "traffic/signals.h"
 
 #include <string.h>
 
@@ -21,6 +22,10 @@ struct verge_planner {
     vg_workspace**     workspaces;  // [controlled_max]
     vg_job*            jobs;        // [controlled_max]
     verge_scene        scenes[2];   // of this step and of the step before
+    int64_t            signals_utime;
+    uint32_t           signal_count;
+    verge_signal*      signals;     // [lanes] as set, at signals_utime
+    verge_signal*      signals_now; // [lanes] those of scenes[0], at its utime
     verge_decision     decision;
     verge_commitment   commitment;
     verge_tracks       tracks;
@@ -57,6 +62,8 @@ static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def)
     verge_planner all = { .def = *def };
     all.scenes[0] = take_scene(arena, vehicles);
     all.scenes[1] = take_scene(arena, vehicles);
+    all.signals = vg_arena_take(arena, def->road.lane_count * sizeof *all.signals);
+    all.signals_now = vg_arena_take(arena, def->road.lane_count * sizeof *all.signals_now);
     all.decision.vehicles_max = controlled;
     all.decision.vehicles = vg_arena_take(arena, controlled * sizeof *all.decision.vehicles);
     all.tracks.tracks_max = vehicles;
@@ -140,7 +147,7 @@ void verge_planner_memory_terms(const verge_planner_def* def,
           def->vehicles_max * sizeof(verge_track) },
         { "scenes: the vehicles of this step and the last",
           2 * def->vehicles_max * (sizeof(verge_vehicle) + sizeof(verge_lane_position)) },
-        { "planner, decided steps, alignment, fitting of the road", 0 },
+        { "planner, decided steps, signals, alignment, fitting of the road", 0 },
     };
     size_t sum = 0;
     for (uint32_t i = 0; i < VERGE_MEMORY_TERMS; ++i) {
@@ -213,6 +220,22 @@ verge_counters verge_planner_counters(const verge_planner* self)
     return self == NULL ? (verge_counters){ 0 } : self->counters;
 }
 
+verge_status verge_planner_set_signals(verge_planner* self, int64_t utime,
+                                       const verge_signal* signals, uint32_t signal_count)
+{
+    if (self == NULL) {
+        return VERGE_ERR_ARGUMENT;
+    }
+    const verge_status status = verge_signals_check(self->road, signals, signal_count, NULL);
+    if (status == VERGE_OK) {
+        VERGE_ASSERT(signal_count <= self->road->lane_count); // one a lane
+        vg_signals_sort(self->signals, signals, signal_count);
+        self->signals_utime = utime;
+        self->signal_count = signal_count;
+    }
+    return status;
+}
+
 // ---------------------------------------------------------------------------- one step
 
 verge_status verge_planner_step_for(uint64_t config, verge_planner* self, int64_t utime,
@@ -247,8 +270,13 @@ verge_status verge_planner_step_for(uint64_t config, verge_planner* self, int64_
 static verge_status place(verge_planner* self, int64_t utime, const verge_vehicle* vehicles,
                           uint32_t count)
 {
-    const verge_scene before = self->scenes[0];
+    verge_scene before = self->scenes[0];
+    before.signal_count = 0; // the array is written anew
     verge_scene now = self->scenes[1];
+    vg_signals_after(self->signals_now, self->signals, self->signal_count,
+                     vg_seconds_between(self->signals_utime, utime));
+    now.signal_count = self->signal_count;
+    now.signals = self->signals_now;
     verge_status status = verge_scene_place(&now, utime, vehicles, count, &before);
     if (status == VERGE_OK && (vg_bits(vg_scene_controlled(&now)) > self->def.controlled_max
                                || vg_scene_bodies(&now) > self->def.vehicles_max)) {

@@ -17,6 +17,7 @@ const char* verge_status_text(verge_status status)
     case VERGE_ERR_OFF_ROAD: return "a vehicle that is on no lane";
     case VERGE_ERR_CONFIG: return "caller and library were compiled with different capacities";
     case VERGE_ERR_ARGUMENT: return "a null pointer, or a scene that does not hold";
+    case VERGE_ERR_SIGNAL: return "a signal that is not valid on this road";
     }
     return "unknown status";
 }
@@ -39,6 +40,42 @@ const char* verge_reason_text(verge_reason reason)
     case VERGE_REASON_STALE: return "the vehicle's state is too old";
     }
     return "unknown reason";
+}
+
+const char* verge_why_text(verge_why code)
+{
+    static const char* const texts[VERGE_WHY_COUNT] = {
+        [VERGE_WHY_NONE] = "nothing holds it back",
+        [VERGE_WHY_LEADER] = "a vehicle ahead",
+        [VERGE_WHY_AREA] = "another vehicle crosses first",
+        [VERGE_WHY_EXIT] = "no room behind the crossing, which stays clear",
+        [VERGE_WHY_MERGE] = "another vehicle merges first",
+        [VERGE_WHY_LANE_END] = "the lane ends",
+        [VERGE_WHY_SIGNAL] = "the signal is not green",
+        [VERGE_WHY_STOP_LINE] = "a stop line",
+        [VERGE_WHY_YIELD] = "another vehicle has priority",
+        [VERGE_WHY_OBSTACLE] = "a standing vehicle in the way",
+        [VERGE_WHY_ONCOMING] = "a vehicle that comes towards it",
+        [VERGE_WHY_HUMAN] = "a vehicle that may do one thing or another",
+        [VERGE_WHY_ROOM_AHEAD] = "no room ahead of it in the other lane",
+        [VERGE_WHY_ROOM_BEHIND] = "no room behind it in the other lane",
+        [VERGE_WHY_BORDER] = "no lane change is allowed here",
+        [VERGE_WHY_FREEZE] = "a lane change has just ended",
+        [VERGE_WHY_BEND] = "a bend",
+        [VERGE_WHY_GAP] = "a gap has to open first",
+        [VERGE_WHY_UNREACHABLE] = "the target lane cannot be reached from here",
+        [VERGE_WHY_BLOCKED] = "blocked",
+        [VERGE_WHY_FALLBACK] = "no acceptable trajectory",
+        [VERGE_WHY_OFF_ROAD] = "it is on no lane",
+    };
+    return (unsigned)code < VERGE_WHY_COUNT ? texts[code] : "unknown reason";
+}
+
+const char* verge_priority_name(verge_priority priority)
+{
+    static const char* const names[VERGE_PRIORITY_COUNT] = { "none", "major", "minor", "stop",
+                                                             "right-before-left" };
+    return (unsigned)priority < VERGE_PRIORITY_COUNT ? names[priority] : "??";
 }
 
 // Table 2 of the paper gives cooperation, obstacle, offset (its "out") and jerk. Curvature,

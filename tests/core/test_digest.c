@@ -29,6 +29,9 @@ static void fill_plan(uint64_t seed)
                 values[i] = test_rng_between(&rng, -10.0, 10.0);
             }
         }
+        of->why = (verge_cause){ .code = VERGE_WHY_AREA, .vehicle_id = 11, .lane_id = 2 };
+        of->pass_count = 2;
+        of->passes[1] = (verge_pass){ .lane_id = 2, .other_lane_id = 4, .after_id = 11 };
         of->cost = (verge_cost){ .total = 1.0, .curvature = 0.25, .jerk = 0.75 };
     }
     plan.prediction_count = 1;
@@ -72,6 +75,15 @@ static void every_field_of_every_vehicle_plan_counts(void** state)
         COUNTS_INTEGER(of->reason);
         COUNTS_INTEGER(of->action_count);
         COUNTS_INTEGER(of->point_count);
+        COUNTS_INTEGER(of->why.code);
+        COUNTS_INTEGER(of->why.vehicle_id);
+        COUNTS_INTEGER(of->why.lane_id);
+        COUNTS_INTEGER(of->pass_count);
+        for (uint32_t i = 0; i < of->pass_count; ++i) {
+            COUNTS_INTEGER(of->passes[i].lane_id);
+            COUNTS_INTEGER(of->passes[i].other_lane_id);
+            COUNTS_INTEGER(of->passes[i].after_id);
+        }
         for (uint32_t t = 0; t < of->action_count; ++t) {
             verge_action_step* step = &of->actions[t];
             COUNTS_INTEGER(step->action);

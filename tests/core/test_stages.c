@@ -194,6 +194,22 @@ static void a_hand_written_decision_reaches_its_lane_and_its_speed(void** state)
 }
 
 // One motion with constant acceleration, given in steps of several lengths, is one prediction.
+static void the_reason_and_the_passes_of_a_decision_go_to_its_plan(void** state)
+{
+    (void)state;
+    place_three(&one, 10.0);
+    verge_vehicle_decision* own = keep(&one, 10.0);
+    own->why = (verge_cause){ VERGE_WHY_MERGE, 7, 11 };
+    own->pass_count = VERGE_PASSES_MAX;
+    for (int32_t i = 0; i < VERGE_PASSES_MAX; ++i) {
+        own->passes[i] = (verge_pass){ 10, 11, 5 + i };
+    }
+    const verge_vehicle_plan plan = plan_three(&one, NULL);
+    assert_memory_equal(&plan.why, &own->why, sizeof plan.why);
+    assert_int_equal(plan.pass_count, VERGE_PASSES_MAX);
+    assert_memory_equal(plan.passes, own->passes, sizeof plan.passes);
+}
+
 static void a_decision_may_have_steps_of_any_length(void** state)
 {
     (void)state;
@@ -602,6 +618,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         CASE(a_hand_written_decision_reaches_its_lane_and_its_speed),
+        CASE(the_reason_and_the_passes_of_a_decision_go_to_its_plan),
         CASE(a_decision_may_have_steps_of_any_length),
         CASE(a_decision_that_makes_no_sense_is_refused_and_changes_nothing),
         CASE(a_decision_shorter_than_the_trajectory_is_refused),

@@ -40,6 +40,8 @@ static verge_body_fault body_fault;
 static verge_vehicle_fault vehicle_fault;
 static verge_road_fault road_fault;
 static verge_action_step action_step;
+static verge_signal_fault signal_fault;
+static verge_signal traffic_signals[2];
 static verge_memory_term terms[VERGE_MEMORY_TERMS];
 static const char* words;
 static char text[80];
@@ -117,6 +119,8 @@ static void fresh(void)
                      VERGE_OK);
     body = verge_body_of(VERGE_BODY_CAR);
     action_step = decided[0].steps[0];
+    traffic_signals[0] = (verge_signal){ 1, VERGE_SIGNAL_RED, 3.0 };
+    traffic_signals[1] = (verge_signal){ 2, VERGE_SIGNAL_GREEN, -1.0 };
     verge_track_begin(&track, &vehicles[0]);
 }
 
@@ -151,7 +155,7 @@ static void a_scene_that_does_not_hold_is_refused_by_every_stage(void** state)
 static void a_decision_that_is_not_finite_or_names_what_is_unknown_is_refused(void** state)
 {
     (void)state;
-    enum { faults = 12 };
+    enum { faults = 15 };
     for (int k = 0; k < faults; ++k) {
         fresh();
         verge_action_step* at = &decided[0].steps[0];
@@ -162,6 +166,8 @@ static void a_decision_that_is_not_finite_or_names_what_is_unknown_is_refused(vo
         at->lane_id = k == 6 ? 99 : k == 7 ? VERGE_NO_LANE : at->lane_id;
         at->action = k == 8 ? (verge_action)7 : k == 9 ? (verge_action)-1 : at->action;
         decided[0].step_count = k == 10 ? 0 : k == 11 ? UINT32_MAX : decided[0].step_count;
+        decided[0].pass_count = k == 12 ? VERGE_PASSES_MAX + 1 : 0;
+        decided[0].why.code = k == 13 ? (verge_why)-1 : k == 14 ? VERGE_WHY_COUNT : VERGE_WHY_NONE;
         const verge_status predict = verge_predict(predictor, &scene, &decision, &tracks);
         const verge_status planned =
             verge_plan_vehicle(sampler, &scene, decided, &tracks, NULL, &vehicle_plan);

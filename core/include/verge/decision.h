@@ -42,6 +42,54 @@ typedef struct verge_action_step {
 /// most size bytes, always null-terminated. Returns the length without the terminator.
 size_t verge_action_say(const verge_action_step* step, char* text, size_t size);
 
+/// Why a vehicle stands, waits, or does not make the lane change that it wants. Messages use the
+/// same values. The comment says what vehicle and lane of a cause are.
+typedef enum verge_why {
+    VERGE_WHY_NONE = 0,         ///< nothing holds the vehicle back
+    VERGE_WHY_LEADER = 1,       ///< vehicle: the one ahead, which stands or is slower
+    VERGE_WHY_AREA = 2,         ///< vehicle: passes a conflict area first; lane: its lane there
+    VERGE_WHY_EXIT = 3,         ///< no room behind a conflict area, which has to stay clear; vehicle:
+                                ///< the last one there; lane: the one behind the area
+    VERGE_WHY_MERGE = 4,        ///< vehicle: goes first where lanes merge, one by one; lane: its lane
+    VERGE_WHY_LANE_END = 5,     ///< lane: it ends
+    VERGE_WHY_SIGNAL = 6,       ///< lane: its signal is red, or yellow
+    VERGE_WHY_STOP_LINE = 7,    ///< lane: vehicles stop at its line before they go on
+    VERGE_WHY_YIELD = 8,        ///< vehicle: has priority; lane: its lane
+    VERGE_WHY_OBSTACLE = 9,     ///< vehicle: stands in the way without a cause, as a parked one does
+    VERGE_WHY_ONCOMING = 10,    ///< vehicle: comes towards this one in its lane
+    VERGE_WHY_HUMAN = 11,       ///< vehicle: nobody knows what this uncontrolled one will do
+    VERGE_WHY_ROOM_AHEAD = 12,  ///< no change to the lane: too near behind the vehicle
+    VERGE_WHY_ROOM_BEHIND = 13, ///< no change to the lane: too near ahead of the vehicle
+    VERGE_WHY_BORDER = 14,      ///< no change to the lane: not allowed here
+    VERGE_WHY_FREEZE = 15,      ///< no change to the lane: one has just ended or been given up
+    VERGE_WHY_BEND = 16,        ///< lane: its bend is driven slowly
+    VERGE_WHY_GAP = 17,         ///< vehicle: lets a gap open behind it, for a change to the lane
+    VERGE_WHY_UNREACHABLE = 18, ///< lane: the target lane, which cannot be reached from here
+    VERGE_WHY_BLOCKED = 19,     ///< stood without a cause, or in a circle of vehicles that waited for
+                                ///< one another; vehicle: the one that it waited for
+    VERGE_WHY_FALLBACK = 20,    ///< the plan is a fallback: no trajectory was acceptable
+    VERGE_WHY_OFF_ROAD = 21,    ///< the vehicle is on no lane
+} verge_why;
+enum { VERGE_WHY_COUNT = 22 };
+
+/// A few words for a code ("no room behind it in the lane"), never null; static lifetime.
+const char* verge_why_text(verge_why code);
+
+/// A reason with the vehicle and the lane that it is about.
+typedef struct verge_cause {
+    verge_why code;
+    int32_t   vehicle_id; ///< -1: none. Ignored with VERGE_WHY_NONE
+    int32_t   lane_id;    ///< VERGE_NO_LANE: none. Ignored with VERGE_WHY_NONE
+} verge_cause;
+
+/// One conflict area ahead of a vehicle, and the vehicle that passes it directly before.
+typedef struct verge_pass {
+    int32_t lane_id;       ///< lane of the vehicle there
+    int32_t other_lane_id; ///< lane of the other vehicle there
+    int32_t after_id;      ///< the other vehicle
+} verge_pass;
+enum { VERGE_PASSES_MAX = 4 };
+
 /// The decision of one vehicle: consecutive steps; the first one starts at t0 = 0, each further one
 /// where the one before ends (within 1e-6 s).
 typedef struct verge_vehicle_decision {
@@ -49,13 +97,10 @@ typedef struct verge_vehicle_decision {
     uint32_t step_count; ///< 1 .. VERGE_STEPS_MAX; together at least as long as a trajectory,
                          ///< (points - 1) * point_s, where one is planned
     verge_action_step steps[VERGE_STEPS_MAX];
+    verge_cause why;                      ///< of waiting now, or of a change not made
+    uint32_t    pass_count;               ///< 0 .. VERGE_PASSES_MAX
+    verge_pass  passes[VERGE_PASSES_MAX]; ///< the nearest conflict areas, in the order of the way
 } verge_vehicle_decision;
-
-/// The order in which two vehicles pass an area that both use.
-typedef struct verge_passing {
-    int32_t first_id, second_id;
-    int32_t first_lane_id, second_lane_id; ///< lanes that share the area
-} verge_passing;
 
 /// Statistics and result of the search.
 typedef struct verge_search_report {
@@ -76,14 +121,10 @@ typedef struct verge_decision {
     uint32_t vehicle_count;            ///< controlled vehicles on the road
     uint32_t vehicles_max;             ///< length of `vehicles`
     verge_vehicle_decision* vehicles;  ///< ascending ids
-    uint32_t passing_count;            ///< 0: no order is stated
-    uint32_t passings_max;             ///< length of `passings`; may be 0
-    verge_passing* passings;           ///< may be null where passings_max is 0
     verge_search_report search;        ///< zero where no search was made
 } verge_decision;
 
-/// An empty decision without an order of passing. vehicles: vehicles_max elements, which must
-/// outlive the decision.
+/// An empty decision. vehicles: vehicles_max elements, which must outlive the decision.
 static inline verge_decision verge_decision_make(verge_vehicle_decision* vehicles,
                                                  uint32_t vehicles_max)
 {

@@ -23,7 +23,7 @@ typedef struct verge_prediction {
     verge_pose points[VERGE_POINTS_MAX];
 } verge_prediction;
 
-/// The whole plan. Large (116 kB with the default capacities): keep it in static memory. Vehicles
+/// The whole plan. Large (117 kB with the default capacities): keep it in static memory. Vehicles
 /// are ordered by id.
 typedef struct verge_plan {
     int64_t             utime;   ///< [us] instant t = 0 of all times in the plan

@@ -65,6 +65,15 @@ verge_status verge_planner_step_for(uint64_t config, verge_planner* planner, int
                                     const verge_vehicle* vehicles, uint32_t vehicle_count,
                                     verge_plan* plan);
 
+/// Sets the traffic signals as they are at utime, for the steps that follow, until they are set
+/// again. A later step counts the time to the next change from its own utime. A signal whose change
+/// has passed, with no newer state, counts as red. signals: in any order, copied; at most one a
+/// lane. signal_count 0: there are none, as at the start.
+/// @retval VERGE_ERR_SIGNAL    see verge_signals_check(); the signals are unchanged
+/// @retval VERGE_ERR_ARGUMENT  a null pointer; the signals are unchanged
+verge_status verge_planner_set_signals(verge_planner* planner, int64_t utime,
+                                       const verge_signal* signals, uint32_t signal_count);
+
 /// The road as built. Valid as long as the planner.
 const verge_road* verge_planner_road(const verge_planner* planner);
 

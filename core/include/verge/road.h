@@ -21,6 +21,19 @@ typedef struct verge_stretch {
     double s0, s1;
 } verge_stretch;
 
+/// Who goes first where a lane conflicts with others: in crossings, and where lanes merge.
+typedef enum verge_priority {
+    VERGE_PRIORITY_NONE = 0,              ///< no rule: who comes first goes first
+    VERGE_PRIORITY_MAJOR = 1,             ///< goes first
+    VERGE_PRIORITY_MINOR = 2,             ///< yields to the major lane
+    VERGE_PRIORITY_STOP = 3,              ///< stops at the stop line, then yields to the major lane
+    VERGE_PRIORITY_RIGHT_BEFORE_LEFT = 4, ///< yields to who comes from the right
+} verge_priority;
+enum { VERGE_PRIORITY_COUNT = 5 };
+
+/// "none", "major", "minor", "stop" or "right-before-left"; "??" for another value.
+const char* verge_priority_name(verge_priority priority);
+
 /// One lane. Start from verge_lane_def_default(): in a struct filled with zeros `left` and `right`
 /// name lane 0, which verge_road_check() refuses.
 typedef struct verge_lane_def {
@@ -36,6 +49,9 @@ typedef struct verge_lane_def {
     /// Not empty, apart from one another; none where there is no neighbour.
     verge_stretch change_left[VERGE_STRETCHES_MAX], change_right[VERGE_STRETCHES_MAX];
     uint32_t change_left_count, change_right_count;
+    verge_priority priority;        ///< holds from this lane into the conflicts at and beyond its end
+    bool     stop_line_given;       ///< false: the stop line is the end of the lane
+    double   stop_line;             ///< [m] along the lane, where the front of a body waits
 } verge_lane_def;
 
 /// A lane of 3.5 m and 13.9 m/s without points, neighbours and successors.
@@ -92,6 +108,8 @@ bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
 double  verge_road_length(const verge_road* road, int32_t lane_id);      ///< [m] reference line
 double  verge_road_width(const verge_road* road, int32_t lane_id);       ///< [m]
 double  verge_road_speed_limit(const verge_road* road, int32_t lane_id); ///< [m/s]
+verge_priority verge_road_priority(const verge_road* road, int32_t lane_id);
+double  verge_road_stop_line(const verge_road* road, int32_t lane_id);   ///< [m] along the line
 /// [m] distance of the surveyed point that lies furthest from the lane's reference line. Surveys
 /// that no vehicle can follow, or that are noisy, deviate more than the tolerances above.
 double  verge_road_deviation(const verge_road* road, int32_t lane_id);

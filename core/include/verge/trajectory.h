@@ -74,8 +74,8 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
 /// @retval VERGE_ERR_CAPACITY  more vehicles, or vehicles and trailers, than the def or the tracks
 ///                             hold; or more decisions than vehicles_max of the decision
 /// @retval VERGE_ERR_DEF       the decision of a vehicle has no steps, steps that do not follow one
-///                             another, an unknown lane or action, or a number out of range; in
-///                             both the tracks are unchanged
+///                             another, too many passes, an unknown lane, action or reason, or a
+///                             number out of range; in both the tracks are unchanged
 /// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
 /// @retval VERGE_ERR_ARGUMENT  a null pointer, or the scene is not as scene.h says
 static inline verge_status verge_predict(verge_predictor* predictor, const verge_scene* scene,
@@ -133,6 +133,9 @@ typedef struct verge_vehicle_plan {
     verge_reason      reason;
     uint32_t          action_count;  ///< covers the decision horizon
     verge_action_step actions[VERGE_STEPS_MAX];
+    verge_cause       why;           ///< of waiting now, or of a change not made
+    uint32_t          pass_count;    ///< conflict areas ahead whose order was decided
+    verge_pass        passes[VERGE_PASSES_MAX];
     uint32_t          point_count;   ///< covers the planning horizon, point 0 at t = 0
     verge_point       points[VERGE_POINTS_MAX];
     verge_cost        cost;

@@ -102,7 +102,6 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
     vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
     decision->utime = scene->utime;
     decision->vehicle_count = self->model->controlled_count;
-    decision->passing_count = 0;
     memset(&decision->search, 0, sizeof decision->search);
     if (decision->vehicle_count == 0) {
         commitment->vehicle_count = 0;
@@ -239,6 +238,8 @@ static void write_steps(verge_decider* self, const verge_scene* scene,
     for (uint32_t slot = 0; slot < decision->vehicle_count; ++slot) {
         decision->vehicles[slot].vehicle_id = id_of(self, scene, (int32_t)slot);
         decision->vehicles[slot].step_count = sequence->step_count;
+        decision->vehicles[slot].why = (verge_cause){ .vehicle_id = -1, .lane_id = VERGE_NO_LANE };
+        decision->vehicles[slot].pass_count = 0;
     }
     for (uint32_t t = 0; t < sequence->step_count; ++t) {
         const vg_flow* before = &self->flows[t % 2u];

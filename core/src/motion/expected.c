@@ -23,7 +23,9 @@ bool vg_expected_from(vg_expected* expected, const verge_scene* scene, uint32_t 
     const verge_lane_position* at = &scene->positions[vehicle_index];
     const int32_t lane = vg_road_lane_index(road, at->lane_id);
     VERGE_ASSERT(lane >= 0);
-    if (decision->step_count == 0 || decision->step_count > VERGE_STEPS_MAX) {
+    if (decision->step_count == 0 || decision->step_count > VERGE_STEPS_MAX
+        || decision->pass_count > VERGE_PASSES_MAX
+        || (unsigned)decision->why.code >= VERGE_WHY_COUNT) {
         return false;
     }
     expected->step_count = decision->step_count;

@@ -22,6 +22,7 @@ static const char* check_changes(const verge_lane_def* lane, int32_t neighbour,
                                  const verge_stretch* stretches, uint32_t count);
 static const char* check_stretches(const verge_lane_def* lane, const verge_stretch* stretches,
                                    uint32_t count);
+static const char* check_priority(const verge_lane_def* lane, const char** field);
 static const verge_lane_def* find(const checked* road, int32_t id);
 
 #define TEXT_OF(number) TEXT_OF_EXPANDED(number)
@@ -131,7 +132,21 @@ static const char* check_lane(const checked* road, uint32_t index, const char** 
         *field = "change_right";
         text = check_changes(lane, lane->right, lane->change_right, lane->change_right_count);
     }
-    return text;
+    return text != NULL ? text : check_priority(lane, field);
+}
+
+static const char* check_priority(const verge_lane_def* lane, const char** field)
+{
+    *field = "priority";
+    if ((unsigned)lane->priority >= VERGE_PRIORITY_COUNT) {
+        return "a priority is none, major, minor, stop or right-before-left";
+    }
+    *field = "stop_line";
+    if (lane->stop_line_given
+        && !(lane->stop_line >= 0.0 && lane->stop_line <= vg_survey_length(lane) + 1e-3)) {
+        return "a stop line lies on the lane, 0 to its length [m]";
+    }
+    return NULL;
 }
 
 static const char* check_centerline(const verge_lane_def* lane)

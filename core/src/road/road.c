@@ -8,6 +8,7 @@
 
 static void take_memory(vg_road_draft* draft, vg_arena* arena);
 static void copy_lanes(vg_road_draft* draft);
+static void place_stop_lines(vg_road_draft* draft);
 static uint64_t fingerprint_of(const struct verge_road* road);
 static void find_predecessors(struct verge_road* road);
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id);
@@ -37,6 +38,7 @@ struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge
     if (scratch->failed) {
         return NULL;
     }
+    place_stop_lines(&draft);
     vg_road_grid(&draft);
     vg_road_bundle(&draft);
     vg_road_route(&draft);
@@ -227,6 +229,18 @@ double verge_road_speed_limit(const verge_road* road, int32_t lane_id)
     return lane != NULL ? lane->speed_limit : 0.0;
 }
 
+verge_priority verge_road_priority(const verge_road* road, int32_t lane_id)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane != NULL ? lane->priority : VERGE_PRIORITY_NONE;
+}
+
+double verge_road_stop_line(const verge_road* road, int32_t lane_id)
+{
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane != NULL ? lane->stop_line : 0.0;
+}
+
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane)
 {
     const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
@@ -357,6 +371,7 @@ static void copy_lane(vg_road_draft* draft, uint32_t index)
     vg_lane* lane = &road->lanes[index];
     lane->width = def->width;
     lane->speed_limit = def->speed_limit;
+    lane->priority = def->priority;
     lane->line.knot_count = vg_lane_knot_count(def);
     lane->line.x = storage->x;
     lane->line.y = storage->y;
@@ -381,6 +396,16 @@ static void copy_lanes(vg_road_draft* draft)
     }
     for (uint32_t i = 0; i < road->lane_count; ++i) {
         copy_lane(draft, i);
+    }
+}
+
+/// After the fit: a line may be decimetres shorter than its survey.
+static void place_stop_lines(vg_road_draft* draft)
+{
+    for (uint32_t i = 0; i < draft->road->lane_count; ++i) {
+        const verge_lane_def* def = &draft->def->lanes[i];
+        vg_lane* lane = &draft->road->lanes[i];
+        lane->stop_line = def->stop_line_given ? vg_min(def->stop_line, lane->length) : lane->length;
     }
 }
 

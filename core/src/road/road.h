@@ -48,6 +48,8 @@ typedef struct vg_lane {
     uint32_t successor_count;
     double   speed_min;            ///< [m/s] least of the bins
     bool     change_left, change_right; ///< some bin has that gap
+    verge_priority priority;
+    double   stop_line;            ///< [m] s where the front of a body waits; length: not given
     bool     dead_end;             ///< no successor, but a neighbour continues for >= 20 m:
                                    ///< vehicles must leave the lane or stop before its end
     uint32_t bundle;

@@ -5,6 +5,7 @@
 #include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/flow.h"
+#include "traffic/signals.h"
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v,
                           verge_vehicle_fault* fault);
@@ -47,7 +48,8 @@ verge_status verge_scene_place(verge_scene* scene, int64_t utime, const verge_ve
 static bool arrays_hold(const verge_scene* scene)
 {
     return scene->road != NULL && scene->vehicle_count <= scene->vehicles_max
-           && (scene->vehicles_max == 0 || (scene->vehicles != NULL && scene->positions != NULL));
+           && (scene->vehicles_max == 0 || (scene->vehicles != NULL && scene->positions != NULL))
+           && vg_signals_hold(scene->road, scene->signals, scene->signal_count);
 }
 
 static bool position_holds(const verge_road* road, const verge_lane_position* at)

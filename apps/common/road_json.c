@@ -9,6 +9,7 @@ static bool lane_from_json(const json_at* at, verge_lane_def* lane);
 static bool centerline_from_json(const json_at* at, verge_lane_def* lane);
 static void stretches_from_json(const json_at* lane, const char* key, bool* given,
                                 verge_stretch* stretches, uint32_t* count);
+static void priority_from_json(const json_at* at, verge_lane_def* lane);
 static int32_t lane_id_from_json(const json_at* lane, const char* key);
 static void report_fault(const json_at* lanes, const verge_road_fault* fault);
 
@@ -56,7 +57,8 @@ void road_json_free(verge_road_def* def)
 static bool lane_from_json(const json_at* at, verge_lane_def* lane)
 {
     static const char* const keys[] = { "id", "centerline", "width", "speed_limit", "left", "right",
-                                        "successors", "change_left", "change_right", NULL };
+                                        "successors", "change_left", "change_right", "priority",
+                                        "stop_line", NULL };
     if (!json_expect_object(at, keys)) {
         return false;
     }
@@ -79,6 +81,7 @@ static bool lane_from_json(const json_at* at, verge_lane_def* lane)
                         &lane->change_left_count);
     stretches_from_json(at, "change_right", &lane->change_right_given, lane->change_right,
                         &lane->change_right_count);
+    priority_from_json(at, lane);
     const json_at centerline = json_member(at, "centerline");
     return centerline_from_json(&centerline, lane) && at->file->error[0] == '\0';
 }
@@ -108,6 +111,23 @@ static bool centerline_from_json(const json_at* at, verge_lane_def* lane)
         points[i][1] = json_as_double(&y, -VERGE_LIMIT_POSITION, VERGE_LIMIT_POSITION);
     }
     return at->file->error[0] == '\0';
+}
+
+static void priority_from_json(const json_at* at, verge_lane_def* lane)
+{
+    const char* names[VERGE_PRIORITY_COUNT + 1] = { NULL };
+    for (uint32_t i = 0; i < VERGE_PRIORITY_COUNT; ++i) {
+        names[i] = verge_priority_name((verge_priority)i);
+    }
+    const json_at priority = json_member(at, "priority");
+    if (json_given(&priority)) {
+        lane->priority = (verge_priority)json_choice(at, "priority", names);
+    }
+    const json_at stop_line = json_member(at, "stop_line");
+    lane->stop_line_given = !json_none(&stop_line);
+    if (lane->stop_line_given) {
+        lane->stop_line = json_as_double(&stop_line, 0.0, VERGE_LANE_LENGTH_MAX);
+    }
 }
 
 static void stretches_from_json(const json_at* lane, const char* key, bool* given,

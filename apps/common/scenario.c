@@ -50,6 +50,7 @@ void scenario_free(scenario* scene)
         free(scene->vehicles[i].track);
     }
     free(scene->vehicles);
+    free(scene->signals);
     free(scene->arena);
     road_json_free(&scene->def.road);
     json_file_free(&scene->file);
@@ -111,12 +112,13 @@ void scenario_write(FILE* out, const scenario* scene)
 /// Builds the scenario from the parsed document. After a failure only the error line remains.
 static bool scenario_build(scenario* scene, const uint64_t* seed)
 {
-    static const char* const keys[] = { "format", "name", "source", "road", "vehicles", "planner",
-                                        "simulation", NULL };
+    static const char* const keys[] = { "format", "name", "source", "road", "signals", "vehicles",
+                                        "planner", "simulation", NULL };
     static const char* const formats[] = { "verge-scenario/1", NULL };
     const json_at root = json_root(&scene->file);
     const json_at road = json_member(&root, "road");
     const json_at planner = json_member(&root, "planner");
+    const json_at signals = json_member(&root, "signals");
     const json_at vehicles = json_member(&root, "vehicles");
 
     scene->def = verge_planner_default_def();
@@ -133,6 +135,8 @@ static bool scenario_build(scenario* scene, const uint64_t* seed)
     }
     simulation_from_json(&root, scene);
     good = good && road_from_json(&road, &scene->def.road);
+    good = good && signals_from_json(&signals, &scene->def.road, &scene->signals,
+                                     &scene->signal_count);
     good = good && vehicles_from_json(&vehicles, scene);
     good = good && planner_build(&root, scene);
     good = good && vehicles_check(&vehicles, scene) && scene->file.error[0] == '\0';
@@ -206,7 +210,7 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
 {
     static const char* const keys[] = { "id", "control", "x", "y", "heading", "speed",
                                         "acceleration", "length", "width", "body", "target_lane",
-                                        "habit", "track", NULL };
+                                        "habit", "track", "yields", NULL };
     static const char* const controls[] = { "human", "controlled", NULL };
     if (!json_expect_object(at, keys)) {
         return;
@@ -237,6 +241,12 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
         json_fail(&track, "is given for a controlled vehicle, expected on human vehicles only");
     } else if (json_given(&track)) {
         track_from_json(&track, vehicle);
+    }
+    const json_at yields = json_member(at, "yields");
+    vehicle->lawless = !json_bool_or(at, "yields", true);
+    if (json_given(&yields) && (start->controlled || vehicle->track_count > 0)) {
+        json_fail(&yields, "is given for a vehicle that is controlled or follows a track, expected"
+                           " on humans without a track only");
     }
 }
 

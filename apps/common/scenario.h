@@ -10,7 +10,8 @@
 ///             0.5; both multiples of 0.1}. A vehicle has id, control ("controlled" or
 ///             "human"), x, y, heading, speed, acceleration, length, width; optional target_lane
 ///             (null or absent: none), habit, body (body_json.h). A human may have a track of rows
-///             [t, x, y, heading, speed] with growing t.
+///             [t, x, y, heading, speed] with growing t; one without a track may have yields
+///             (false: it keeps no rule). Optional: signals (signals_json.h).
 /// Refused     Documents that json.h, road_json.h or planner_json.h refuse; two vehicles with one
 ///             id or overlapping at t = 0; a vehicle whose first position is on no lane; more
 ///             vehicles than the planner's capacities; an unknown target_lane.
@@ -19,6 +20,7 @@
 #define VERGE_APPS_SCENARIO_H
 
 #include "json.h"
+#include "signals_json.h"
 #include "verge/planner.h"
 #include "verge/simulate.h"
 
@@ -34,6 +36,7 @@ typedef struct scenario_row {
 
 typedef struct scenario_vehicle {
     verge_vehicle start;         ///< as in the file; with a track: as in its first row
+    bool          lawless;       ///< a human that yields to nobody and passes red signals
     uint32_t      track_count;   ///< 0: no track
     scenario_row* track;
 } scenario_vehicle;
@@ -44,6 +47,8 @@ typedef struct scenario {
     verge_planner_def  def;
     uint32_t           vehicle_count;
     scenario_vehicle*  vehicles; ///< in the order of the file
+    uint32_t           signal_count;
+    signal_program*    signals;  ///< ascending lane ids
     double             duration; ///< [s]
     double             replan;   ///< [s]
     verge_planner*     planner;  ///< built, no step done

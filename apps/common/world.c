@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+static void signals_show(world* self);
 static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicle* as_human);
 static bool plan_drive(world_vehicle* vehicle, double time);
 static void point_drive(world_vehicle* vehicle, const verge_point* point);
@@ -22,11 +23,19 @@ bool world_init(world* self, const scenario* scene)
     *self = (world){ .scene = scene, .road = verge_planner_road(scene->planner),
                      .vehicle_count = scene->vehicle_count };
     self->vehicles = calloc(scene->vehicle_count + 1, sizeof *self->vehicles);
-    if (self->vehicles == NULL) {
+    self->signals = calloc(scene->signal_count + 1, sizeof *self->signals);
+    self->lawless = calloc(scene->vehicle_count + 1, sizeof *self->lawless);
+    if (self->vehicles == NULL || self->signals == NULL || self->lawless == NULL) {
+        world_free(self);
         return false;
     }
+    self->signal_count = scene->signal_count;
+    signals_show(self);
     for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         world_vehicle* vehicle = &self->vehicles[i];
+        if (scene->vehicles[i].lawless) {
+            self->lawless[self->lawless_count++] = scene->vehicles[i].start.id;
+        }
         vehicle->origin = &scene->vehicles[i];
         vehicle->state = vehicle->origin->start;
         vehicle->lane = vehicle->lane_last = VERGE_NO_LANE;
@@ -40,6 +49,8 @@ bool world_init(world* self, const scenario* scene)
 void world_free(world* self)
 {
     free(self->vehicles);
+    free(self->signals);
+    free(self->lawless);
     *self = (world){ 0 };
 }
 
@@ -81,8 +92,11 @@ void world_advance(world* self)
 {
     verge_vehicle  states[VERGE_VEHICLES_MAX];
     const uint32_t count = world_states(self, states);
-    (void)verge_humans_advance(self->scene->humans, self->road, states, count, WORLD_DT);
+    const verge_human_rules rules = { self->signals, self->signal_count, self->lawless,
+                                      self->lawless_count };
+    (void)verge_humans_advance(self->scene->humans, self->road, &rules, states, count, WORLD_DT);
     ++self->tick;
+    signals_show(self);
 
     uint32_t next = 0;
     for (uint32_t i = 0; i < self->vehicle_count; ++i) {
@@ -112,6 +126,13 @@ const verge_action_step* world_action(const world* self, const world_vehicle* ve
         }
     }
     return NULL;
+}
+
+static void signals_show(world* self)
+{
+    for (uint32_t i = 0; i < self->signal_count; ++i) {
+        self->signals[i] = signal_at(&self->scene->signals[i], world_time(self));
+    }
 }
 
 /// as_human: the next state by the car-following model.

@@ -5,6 +5,7 @@
 ///     for (;;) {
 ///         verge_vehicle now[VERGE_VEHICLES_MAX];
 ///         uint32_t count = world_states(&scene, now);
+///         verge_planner_set_signals(planner, world_utime(&scene), scene.signals, ...);
 ///         verge_planner_step(planner, world_utime(&scene), now, count, &plan);
 ///         world_follow(&scene, &plan.vehicles[i], world_time(&scene)); // each i
 ///         world_advance(&scene);
@@ -14,6 +15,7 @@
 ///             a cancelled plan, they keep their lane and brake gently. Before the first plan they
 ///             keep their lane at constant speed.
 /// Humans      Follow their track, or the car-following model with which the planner predicts them.
+///             They see the signals, but for those that keep no rule.
 /// Leaving     A vehicle leaves after the last row of its track, or at the end of a lane without a
 ///             successor.
 /// Time        t = 0 is the start of the scenario. A tick is WORLD_DT; no clock is read.
@@ -47,6 +49,10 @@ typedef struct world {
     uint32_t          tick;
     uint32_t          vehicle_count;
     world_vehicle*    vehicles;  ///< in the scenario's order
+    uint32_t          signal_count;
+    verge_signal*     signals;   ///< what they show now, ascending lane ids
+    uint32_t          lawless_count;
+    int32_t*          lawless;   ///< ids of the humans that keep no rule
 } world;
 
 /// scene must outlive the world. False: out of memory.

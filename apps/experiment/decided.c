@@ -143,7 +143,8 @@ static void predict_humans(scene_ahead* self, double horizon)
                 self->count = obstacle;
             }
         }
-        (void)verge_humans_advance(self->start->scene->humans, road, states, count, WORLD_DT);
+        (void)verge_humans_advance(self->start->scene->humans, road, NULL, states, count,
+                                   WORLD_DT);
         for (uint32_t i = 0; i < count; ++i) {
             if (states[i].controlled) {
                 const verge_lane_position at = verge_road_project(

@@ -52,8 +52,12 @@ static int run(const scenario* scene)
         return 1;
     }
     const uint32_t count = world_states(&start, vehicles);
+    verge_status   planned =
+        verge_planner_set_signals(scene->planner, 0, start.signals, start.signal_count);
     world_free(&start);
-    const verge_status planned = verge_planner_step(scene->planner, 0, vehicles, count, &plan);
+    if (planned == VERGE_OK) {
+        planned = verge_planner_step(scene->planner, 0, vehicles, count, &plan);
+    }
     if (planned != VERGE_OK) {
         fprintf(stderr, "verge-plan:step: %s\n", verge_status_text(planned));
         return 1;

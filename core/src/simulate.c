@@ -8,6 +8,7 @@
 #include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/advance.h"
+#include "traffic/signals.h"
 
 struct verge_humans {
     verge_planner_def def;
@@ -79,10 +80,33 @@ static void move(verge_humans* self, const vg_flow* next, uint32_t slot, double 
     v->speed = speed;
 }
 
-verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
-                                  verge_vehicle* vehicles, uint32_t vehicle_count, double dt)
+static bool rules_hold(const verge_human_rules* rules, const verge_road* road)
 {
-    if (self == NULL || road == NULL || (vehicle_count > 0 && vehicles == NULL)) {
+    return vg_signals_hold(road, rules->signals, rules->signal_count)
+           && (rules->lawless_count == 0 || rules->lawless_ids != NULL);
+}
+
+// The slots of the vehicles with these ids (bits).
+static uint64_t slots_of(const verge_humans* self, const int32_t* ids, uint32_t count)
+{
+    uint64_t slots = 0;
+    for (uint32_t slot = self->model->controlled_count; slot < self->model->count; ++slot) {
+        const int32_t id = self->scene.vehicles[self->model->input_index[slot]].id;
+        for (uint32_t i = 0; i < count; ++i) {
+            slots |= (uint64_t)(ids[i] == id) << slot;
+        }
+    }
+    return slots;
+}
+
+verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
+                                  const verge_human_rules* rules, verge_vehicle* vehicles,
+                                  uint32_t vehicle_count, double dt)
+{
+    static const verge_human_rules no_rules = { .signals = NULL };
+    rules = rules != NULL ? rules : &no_rules;
+    if (self == NULL || road == NULL || (vehicle_count > 0 && vehicles == NULL)
+        || !rules_hold(rules, road)) {
         return VERGE_ERR_ARGUMENT;
     }
     if (!(dt > 0.0 && dt <= 1.0)) {
@@ -95,6 +119,8 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
     scene->road = road;
     scene->vehicle_count = vehicle_count;
     scene->vehicles = vehicles;
+    scene->signals = rules->signals;
+    scene->signal_count = rules->signal_count;
     const uint64_t controlled = vg_scene_controlled(scene);
     if (vg_bits(controlled) > self->def.controlled_max) {
         return VERGE_ERR_CAPACITY;
@@ -104,6 +130,7 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
     }
     vg_flow* next = &self->flows[1];
     vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
+    self->model->lawless = slots_of(self, rules->lawless_ids, rules->lawless_count);
     vg_model_free_humans(self->model, &self->flows[0]);
     vg_flow_follow(self->model, &self->flows[0], dt, next);
     for (uint32_t i = 0; i < vehicle_count; ++i) {
@@ -120,6 +147,8 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
         move(self, next, slot, dt);
     }
     scene->vehicles = NULL;
+    scene->signals = NULL;
+    scene->signal_count = 0;
     return VERGE_OK;
 }
 

@@ -284,6 +284,69 @@ static void test_values_are_checked(void** state)
     refused("\"duration\": 12.5", "\"replan\": 0.25", "simulation.replan: ");
 }
 
+static void test_priorities_and_signals_are_read_and_refused_by_their_field(void** state)
+{
+    (void)state;
+    const char* lane = "\"successors\": [] },";
+    char* text = changed(lane, "\"priority\": \"stop\", \"stop_line\": 390 },");
+    scenario scene;
+    assert_true(parse(&scene, text));
+    assert_int_equal(scene.def.road.lanes[0].priority, VERGE_PRIORITY_STOP);
+    assert_true(scene.def.road.lanes[0].stop_line_given);
+    assert_true(scene.def.road.lanes[0].stop_line == 390.0);
+    assert_int_equal(scene.def.road.lanes[1].priority, VERGE_PRIORITY_NONE);
+    assert_false(scene.def.road.lanes[1].stop_line_given);
+    scenario_free(&scene);
+    free(text);
+    refused(lane, "\"priority\": \"first\" },", "road.lanes[0].priority: is \"first\", expected");
+    refused(lane, "\"stop_line\": -1 },", "road.lanes[0].stop_line: is -1, expected");
+    refused(lane, "\"stop_line\": 401 },", "road.lanes[0].stop_line: a stop line lies on the lane");
+#define PHASE "{ \"state\": \"red\", \"seconds\": 5 }"
+    const struct { const char* signals; const char* expected; } bad[] = {
+        { "{ \"lane\": 7, \"phases\": [ " PHASE " ] }", "signals[0].lane: is lane 7" },
+        { "{ \"lane\": 0, \"phases\": [] }", "signals[0].phases: has 0 elements" },
+        { "{ \"lane\": 0, \"phases\": [ " PHASE " ] }, { \"lane\": 0, \"phases\": [ " PHASE " ] }",
+          "signals[1].lane: is lane 0, which has a signal already" },
+        { "{ \"lane\": 0, \"phases\": [ { \"state\": \"blue\", \"seconds\": 5 } ] }",
+          "signals[0].phases[0].state: is \"blue\", expected" },
+        { "{ \"lane\": 0, \"phases\": [ { \"state\": \"red\", \"seconds\": 0 } ] }",
+          "signals[0].phases[0].seconds: is 0, expected" },
+        { "{ \"lane\": 0, \"phases\": [ " PHASE " ], \"offset\": 3 }", "signals[0].offset: " },
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; ++i) {
+        char members[256];
+        snprintf(members, sizeof members, "\"signals\": [ %s ], \"vehicles\"", bad[i].signals);
+        refused("\"vehicles\"", members, bad[i].expected);
+    }
+    refused("\"habit\": \"aggressive\"", "\"yields\": false", "vehicles[0].yields: is given for a");
+    refused("\"track\": [", "\"yields\": false, \"track\": [", "vehicles[1].yields: is given for a");
+}
+
+static void test_a_signal_shows_its_phases_one_after_the_other_for_ever(void** state)
+{
+    (void)state;
+    const signal_program three = {
+        .lane_id = 4, .start = 2.0, .phase_count = 3, .seconds = { 20.0, 3.0, 17.0 },
+        .states = { VERGE_SIGNAL_GREEN, VERGE_SIGNAL_YELLOW, VERGE_SIGNAL_RED },
+    };
+    const struct { double t; verge_signal_state state; double change; } at[] = {
+        { 2.0, VERGE_SIGNAL_GREEN, 20.0 }, { 0.0, VERGE_SIGNAL_RED, 2.0 },
+        { 21.9, VERGE_SIGNAL_GREEN, 0.1 }, { 22.0, VERGE_SIGNAL_YELLOW, 3.0 },
+        { 25.0, VERGE_SIGNAL_RED, 17.0 },  { 42.0, VERGE_SIGNAL_GREEN, 20.0 },
+        { 4022.0, VERGE_SIGNAL_YELLOW, 3.0 },
+    };
+    for (size_t i = 0; i < sizeof at / sizeof at[0]; ++i) {
+        const verge_signal shown = signal_at(&three, at[i].t);
+        assert_int_equal(shown.lane_id, 4);
+        assert_int_equal(shown.state, at[i].state);
+        CHECK_NEAR(shown.change_s, at[i].change, 1e-9);
+    }
+    const signal_program one = { .phase_count = 1, .seconds = { 5.0 },
+                                 .states = { VERGE_SIGNAL_RED } };
+    assert_int_equal(signal_at(&one, 7.0).state, VERGE_SIGNAL_RED);
+    assert_true(signal_at(&one, 7.0).change_s < 0.0);
+}
+
 static void test_vehicles_must_fit_the_road_and_each_other(void** state)
 {
     (void)state;
@@ -477,6 +540,8 @@ int main(void)
         cmocka_unit_test(test_a_body_is_a_kind_or_an_object_of_its_numbers),
         cmocka_unit_test(test_a_body_that_cannot_be_is_refused_by_its_field),
         cmocka_unit_test(test_values_are_checked),
+        cmocka_unit_test(test_priorities_and_signals_are_read_and_refused_by_their_field),
+        cmocka_unit_test(test_a_signal_shows_its_phases_one_after_the_other_for_ever),
         cmocka_unit_test(test_vehicles_must_fit_the_road_and_each_other),
         cmocka_unit_test(test_a_vehicle_that_enters_later_may_start_where_another_one_is),
         cmocka_unit_test(test_a_missing_file_is_named),

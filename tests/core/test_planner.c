@@ -757,7 +757,7 @@ static void humans_drive_by_the_idm_and_are_predicted_as_measured(void** state)
     void* memory = aligned_alloc(64, size);
     verge_humans* humans = NULL;
     assert_int_equal(verge_humans_init(&humans, &def, memory, size), VERGE_OK);
-    assert_int_equal(verge_humans_advance(humans, verge_planner_road(on.planner), advanced, 4, def.point_s),
+    assert_int_equal(verge_humans_advance(humans, verge_planner_road(on.planner), NULL, advanced, 4, def.point_s),
                      VERGE_OK);
     free(memory);
     assert_memory_equal(&advanced[0], &vehicles[0], sizeof vehicles[0]);

@@ -339,7 +339,7 @@ static void a_road_with_more_lanes_than_the_def_says_is_refused(void** state)
                      VERGE_ERR_CAPACITY);
     assert_int_equal(verge_predict(at->predictor, &one.scene, NULL, &one.tracks),
                      VERGE_ERR_CAPACITY);
-    assert_int_equal(verge_humans_advance(humans, one.road, one.vehicles, 1, 0.1),
+    assert_int_equal(verge_humans_advance(humans, one.road, NULL, one.vehicles, 1, 0.1),
                      VERGE_ERR_CAPACITY);
 }
 
@@ -576,10 +576,10 @@ static void humans_refuse_more_controlled_vehicles_than_the_def_holds(void** sta
         vehicles[i] = vehicle_at(i, i <= VERGE_CONTROLLED_MAX, 10.0 + 20.0 * i, 0.0, 10.0);
     }
     memcpy(same, vehicles, sizeof same);
-    assert_int_equal(verge_humans_advance(humans, one.road, vehicles, 40, 0.1), VERGE_ERR_CAPACITY);
+    assert_int_equal(verge_humans_advance(humans, one.road, NULL, vehicles, 40, 0.1), VERGE_ERR_CAPACITY);
     assert_memory_equal(vehicles, same, sizeof same);
     vehicles[0].controlled = false;
-    assert_int_equal(verge_humans_advance(humans, one.road, vehicles, 40, 0.1), VERGE_OK);
+    assert_int_equal(verge_humans_advance(humans, one.road, NULL, vehicles, 40, 0.1), VERGE_OK);
     CHECK_NEAR(vehicles[0].x, 11.0, 0.1);
 }
 

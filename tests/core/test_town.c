@@ -482,7 +482,7 @@ static void test_vehicles_are_planned_for_in_a_town_and_on_a_large_junction(void
                 assert_true(plan.vehicles[i].reason != VERGE_REASON_OFF_ROAD);
             }
             const verge_road* road = verge_planner_road(planner);
-            assert_int_equal(verge_humans_advance(humans, road, vehicles, 40, 0.1), VERGE_OK);
+            assert_int_equal(verge_humans_advance(humans, road, NULL, vehicles, 40, 0.1), VERGE_OK);
             for (uint32_t i = 0; i < 40; ++i) {
                 assert_int_equal(verge_road_check_vehicle(road, &vehicles[i], NULL), VERGE_OK);
             }

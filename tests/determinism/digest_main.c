@@ -74,7 +74,7 @@ static int plan_scenario(const scenario* scene)
         status = verge_planner_step(planner, cycle * cycle_us, vehicles, count, &plan);
         if (status == VERGE_OK) {
             printf("%s %" PRIu32 " %016" PRIx64 "\n", scene->name, cycle, plan.digest);
-            status = verge_humans_advance(humans, verge_planner_road(planner), vehicles, count,
+            status = verge_humans_advance(humans, verge_planner_road(planner), NULL, vehicles, count,
                                           def.point_s * CYCLE_POINTS);
             follow_plans(vehicles, count);
         }

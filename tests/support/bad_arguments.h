@@ -42,6 +42,8 @@ static verge_road_fault road_fault;
 static verge_action_step action_step;
 static verge_signal_fault signal_fault;
 static verge_signal traffic_signals[2];
+static const int32_t lawless_ids[1] = { 2 };
+static verge_human_rules human_rules;
 static verge_memory_term terms[VERGE_MEMORY_TERMS];
 static const char* words;
 static char text[80];
@@ -121,6 +123,7 @@ static void fresh(void)
     action_step = decided[0].steps[0];
     traffic_signals[0] = (verge_signal){ 1, VERGE_SIGNAL_RED, 3.0 };
     traffic_signals[1] = (verge_signal){ 2, VERGE_SIGNAL_GREEN, -1.0 };
+    human_rules = (verge_human_rules){ traffic_signals, 2, lawless_ids, 1 };
     verge_track_begin(&track, &vehicles[0]);
 }
 

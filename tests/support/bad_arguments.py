@@ -17,6 +17,7 @@ VALID = {
     "verge_status": "VERGE_OK", "verge_reason": "VERGE_REASON_NONE",
     "verge_habit_kind": "VERGE_NORMAL", "verge_why": "VERGE_WHY_LEADER",
     "verge_priority": "VERGE_PRIORITY_STOP", "verge_signal_state": "VERGE_SIGNAL_RED",
+    "const verge_human_rules*": "&human_rules",
     "const verge_signal*": "traffic_signals", "verge_signal_fault*": "&signal_fault",
     "double": "1.0", "double dt": "0.1", "int32_t": "1", "uint32_t": "2", "uint32_t k": "3",
     "int64_t": "200000", "uint64_t": "VERGE_CONFIG", "size_t": "ROOM", "size_t text": "sizeof text",
@@ -57,7 +58,7 @@ BAD = {
 ENUMS = ("verge_body_kind", "verge_action", "verge_status", "verge_reason", "verge_habit_kind", "verge_why",
          "verge_priority", "verge_signal_state")
 MAY_BE_NULL = {
-    "fault", "before", "road_size", "verge_predict.decision", "verge_predict_for.decision",
+    "fault", "before", "rules", "road_size", "verge_predict.decision", "verge_predict_for.decision",
 }
 
 

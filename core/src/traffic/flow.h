@@ -114,6 +114,9 @@ typedef struct vg_model {
     float    reaction, headway;                       ///< [s] Eq. 2
     float    change_gap, change_gap_wanted;           ///< [m]
     float    per_reaction, per_headway, per_both;     ///< [1/s] 1 / reaction, 1 / headway, 1 / sum
+    /// Uncontrolled slots (bits) that yield to nobody and pass red signals. None in a plan: the
+    /// planner expects everybody to keep the rules; simulate.c sets it.
+    uint64_t lawless;
     vg_pairs* pairs;
 } vg_model;
 

@@ -48,16 +48,6 @@ static vg_state random_start(test_rng* rng, double speed_min, double speed_max)
 
 // ---------------------------------------------------------------------------- profiles
 
-/// Jerk of a profile in [from, to], largest absolute value: it is linear within a piece.
-static double jerk_peak(const vg_profile* profile, double from, double to)
-{
-    double peak = 0.0;
-    for (int i = 0; i <= 1000; ++i) {
-        peak = fmax(peak, fabs(vg_profile_at(profile, from + (to - from) * i / 1000.0).j));
-    }
-    return peak;
-}
-
 /// Position, speed and acceleration are integrals of the next one, and position and speed have no
 /// jump. Acceleration may jump where a stop ends.
 static void check_derivatives(const vg_profile* profile, double T)
@@ -148,47 +138,6 @@ static void test_after_a_stop_a_vehicle_does_not_move_back(void** state)
             }
         }
         check_derivatives(&profile, T);
-    }
-}
-
-static void test_braking_keeps_its_level_and_its_jerk_and_ends_at_rest(void** state)
-{
-    (void)state;
-    test_rng rng = test_rng_seeded("braking");
-    for (uint32_t round = 0; round < test_rounds(500); ++round) {
-        vg_state start = random_start(&rng, 0.0, 30.0);
-        start.s_tt = test_rng_between(&rng, -6.0, 3.0);
-        const double level = test_rng_between(&rng, 0.5, 8.0);
-        const double jerk = test_rng_between(&rng, 2.0, 12.0);
-        const vg_profile profile = vg_profile_braking(&start, level, jerk);
-        const double hardest = fmax(level, -start.s_tt);
-        const double a = start.s_tt, v = start.s_t;
-        const double end = v / level + fabs(a) / jerk + level / jerk + a * a / (2.0 * jerk * level)
-                         + 3.0 * v / fmax(-a, 0.1) + 0.1;
-        for (double t = 0.0; t <= end; t += 0.01) {
-            const vg_piece at = vg_profile_at(&profile, t);
-            CHECK_AT_MOST(-at.v, 1e-9);
-            CHECK_AT_MOST(-at.a, hardest + 1e-9);
-            CHECK_AT_MOST(at.v, v + fmax(a, 0.0) * fmax(a, 0.0) / (2.0 * jerk) + 1e-9);
-        }
-        CHECK_SAME_BITS(vg_profile_at(&profile, end).v, 0.0);
-        CHECK_SAME_BITS(vg_profile_at(&profile, end).a, 0.0);
-        if (v > a * a / (2.0 * jerk)) { // else it stops before the brakes can be released
-            CHECK_AT_MOST(jerk_peak(&profile, 0.0, end), jerk + 1e-9);
-        }
-        check_derivatives(&profile, fmin(end, 6.0));
-    }
-}
-
-static void test_braking_of_level_zero_only_ends_the_acceleration(void** state)
-{
-    (void)state;
-    for (double a = -2.0; a <= 2.0; a += 0.5) {
-        const vg_state start = { .s_t = 10.0, .s_tt = a, .valid = true };
-        const vg_profile profile = vg_profile_braking(&start, 0.0, 4.0);
-        const vg_piece at = vg_profile_at(&profile, 5.0);
-        CHECK_NEAR(at.v, 10.0 + a * fabs(a) / 8.0, 1e-12); // a / jerk seconds at a / 2
-        CHECK_NEAR(at.a, 0.0, 1e-12);
     }
 }
 
@@ -507,8 +456,6 @@ int main(void)
         cmocka_unit_test(test_a_profile_meets_its_end_speed_without_acceleration),
         cmocka_unit_test(test_no_profile_to_the_same_speed_has_less_jerk),
         cmocka_unit_test(test_after_a_stop_a_vehicle_does_not_move_back),
-        cmocka_unit_test(test_braking_keeps_its_level_and_its_jerk_and_ends_at_rest),
-        cmocka_unit_test(test_braking_of_level_zero_only_ends_the_acceleration),
         cmocka_unit_test(test_a_link_begins_at_the_state_and_ends_at_its_offset),
         cmocka_unit_test(test_a_link_has_no_joint_at_its_end),
         cmocka_unit_test(test_motion_is_the_derivative_of_the_positions),

@@ -739,6 +739,41 @@ static void a_change_that_has_arrived_is_not_continued(void** state)
     free(one.memory);
 }
 
+/// A convoy behind a human who brakes at 2.5 m/s^2, in either order of ids: in each cycle the front
+/// vehicle brakes for the human, whatever was predicted of those behind it, and nobody meets.
+static void a_convoy_brakes_from_its_front(void** state)
+{
+    (void)state;
+    enum { cars = 5 };
+    road under;
+    const verge_planner_def def = def_on(&under);
+    built on = build(&def);
+    for (int order = 0; order < 2; ++order) {
+        verge_vehicle vehicles[cars + 1];
+        for (int i = 0; i < cars; ++i) { // 0.8 s behind one another
+            vehicles[i] = vehicle_at(order == 0 ? i : cars - i, true, 1, 50.0 + 15.0 * i, 12.0, -1);
+        }
+        vehicles[cars] = vehicle_at(40, false, 1, 50.0 + 15.0 * cars, 12.0, -1);
+        verge_planner_reset(on.planner);
+        uint32_t fallbacks = 0;
+        for (int cycle = 0; cycle < 24; ++cycle) {
+            must_step(on.planner, cycle * 500000, vehicles, cars + 1);
+            fallbacks += plan.fallback_count;
+            verge_vehicle human = vehicles[cars];
+            drive_on(&def, vehicles, cars, 0.5);
+            human.acceleration = human.speed > 1.5 ? -2.5 : 0.0;
+            human.x += 0.5 * human.speed + 0.125 * human.acceleration;
+            human.speed += 0.5 * human.acceleration;
+            vehicles[cars] = human;
+            for (int i = 0; i < cars; ++i) {
+                assert_false(verge_vehicles_overlap(&vehicles[i], &vehicles[i + 1]));
+            }
+        }
+        CHECK_AT_MOST(fallbacks, 4);
+    }
+    free(on.memory);
+}
+
 static void humans_drive_by_the_idm_and_are_predicted_as_measured(void** state)
 {
     (void)state;
@@ -838,6 +873,7 @@ int main(void)
         cmocka_unit_test(nothing_new_means_the_same_actions),
         cmocka_unit_test(a_change_takes_as_long_as_it_was_planned_to),
         cmocka_unit_test(a_change_that_has_arrived_is_not_continued),
+        cmocka_unit_test(a_convoy_brakes_from_its_front),
         cmocka_unit_test(humans_drive_by_the_idm_and_are_predicted_as_measured),
         cmocka_unit_test(sentences_say_what_a_step_does_and_fit_their_space),
         cmocka_unit_test(bodies_touch_as_rectangles_do),

@@ -22,7 +22,7 @@
 
 /// Vehicles planned jointly. 1 .. 27 (5^27 joint actions fit a 64-bit number), at most
 /// VERGE_VEHICLES_MAX.
-/// Cost: a sampler each (44 kB with the default parameters), and 3.3 kB each in a plan.
+/// Cost: a sampler each (42 kB with the default parameters), and 3.3 kB each in a plan.
 #ifndef VERGE_CONTROLLED_MAX
 #define VERGE_CONTROLLED_MAX 16
 #endif

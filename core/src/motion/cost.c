@@ -25,35 +25,72 @@ double vg_alert_cost(const vg_alert_zone* zone, const vg_rear* rear, const verge
                          other->speed[index] * along);
 }
 
+/// What the terms of one trajectory need.
+typedef struct paying {
+    vg_alert_zone       zone;
+    const verge_tracks* tracks;
+    uint32_t            own, trailer;
+    bool                in_lane;
+} paying;
+
+static paying paying_for(const verge_planner_def* def, const verge_tracks* tracks, uint32_t own,
+                         double rear_axle, bool in_lane)
+{
+    VERGE_ASSERT(own < tracks->count);
+    return (paying){ vg_alert_zone_of(def, &tracks->of[own], rear_axle), tracks, own,
+                     vg_trailer_of(tracks, own), in_lane };
+}
+
+static void add_point(verge_cost* cost, const paying* self, const vg_rear* rear, uint32_t k)
+{
+    cost->curvature += vg_square(rear->curvature);
+    cost->heading += vg_heading_square(rear->cos_off, rear->sin_off);
+    cost->offset += self->in_lane ? vg_square(rear->d) : 0.0;
+    cost->acceleration += vg_square(rear->acceleration);
+    cost->jerk += vg_square(rear->jerk);
+    for (uint32_t j = 0; j < self->tracks->count; ++j) {
+        cost->obstacle += j == self->own || j == self->trailer
+                              ? 0.0
+                              : vg_alert_cost(&self->zone, rear, &self->tracks->of[j], k);
+    }
+}
+
+static void weigh(verge_cost* cost, const verge_weights* weights)
+{
+    cost->curvature *= weights->curvature;
+    cost->heading *= weights->heading;
+    cost->offset *= weights->offset;
+    cost->acceleration *= weights->acceleration;
+    cost->jerk *= weights->jerk;
+    cost->obstacle *= weights->obstacle;
+    cost->total = cost->curvature + cost->heading + cost->offset + cost->acceleration + cost->jerk
+                + cost->obstacle;
+}
+
 verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_t last,
                        const verge_planner_def* def, const verge_weights* weights,
                        const verge_tracks* tracks, uint32_t own, bool in_lane)
 {
     VERGE_ASSERT(start < last && last < VERGE_POINTS_MAX);
-    VERGE_ASSERT(own < tracks->count);
-    const vg_alert_zone zone = vg_alert_zone_of(def, &tracks->of[own], leg->limits->rear_axle);
-    const uint32_t trailer = vg_trailer_of(tracks, own);
+    const paying all = paying_for(def, tracks, own, leg->limits->rear_axle, in_lane);
     verge_cost cost = { 0 };
     for (uint32_t k = start + 1; k <= last; ++k) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
         const vg_rear rear = vg_rear_of(&row, offset);
-        cost.curvature += vg_square(rear.curvature);
-        cost.heading += vg_heading_square(rear.cos_off, rear.sin_off);
-        cost.offset += in_lane ? vg_square(rear.d) : 0.0;
-        cost.acceleration += vg_square(rear.acceleration);
-        cost.jerk += vg_square(rear.jerk);
-        for (uint32_t j = 0; j < tracks->count; ++j) {
-            cost.obstacle += j == own || j == trailer
-                                 ? 0.0 : vg_alert_cost(&zone, &rear, &tracks->of[j], k);
-        }
+        add_point(&cost, &all, &rear, k);
     }
-    cost.curvature *= weights->curvature;
-    cost.heading *= weights->heading;
-    cost.offset *= weights->offset;
-    cost.acceleration *= weights->acceleration;
-    cost.jerk *= weights->jerk;
-    cost.obstacle *= weights->obstacle;
-    cost.total = cost.curvature + cost.heading + cost.offset + cost.acceleration + cost.jerk
-               + cost.obstacle;
+    weigh(&cost, weights);
+    return cost;
+}
+
+verge_cost vg_motion_cost(const vg_rear* motion, double rear_axle, const verge_planner_def* def,
+                          const verge_weights* weights, const verge_tracks* tracks, uint32_t own)
+{
+    const paying all = paying_for(def, tracks, own, rear_axle, true);
+    verge_cost cost = { 0 };
+    for (uint32_t k = 1; k < def->points; ++k) {
+        add_point(&cost, &all, &motion[k], k);
+    }
+    weigh(&cost, weights);
     return cost;
 }

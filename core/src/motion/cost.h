@@ -74,6 +74,10 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
                        const verge_planner_def* def, const verge_weights* weights,
                        const verge_tracks* tracks, uint32_t own, bool in_lane);
 
+/// The same of a whole trajectory that is given as the motion of its rear axle at each point.
+verge_cost vg_motion_cost(const vg_rear* motion, double rear_axle, const verge_planner_def* def,
+                          const verge_weights* weights, const verge_tracks* tracks, uint32_t own);
+
 #ifdef __cplusplus
 }
 #endif

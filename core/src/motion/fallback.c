@@ -1,159 +1,191 @@
-/// The fallback, for a vehicle without an acceptable sampled trajectory: first gentle deceleration
-/// in the lane (the lowest level keeps the speed), then braking of up to 8 m/s^2. The first one
-/// without contact is taken, else the one with the latest contact, and of these the slowest. A
-/// vehicle that overlaps a body in front brakes to a standstill unless that body moves away.
+/// The fallback, for a vehicle without an acceptable sampled trajectory: a ladder of stopping
+/// continuations (stop.h). Its rungs, the gentlest first:
 ///
-/// All of them limit their jerk, end at standstill or at constant speed, and move towards the
-/// centre of the lane within the steering limits. Off the road they are straight.
+///   keep the speed in the lane, or slow down with the limits of normal driving
+///   brake in the lane, up to 8 m/s^2
+///   the same towards an offset inside the lane, to pass beside a body
+///   accelerate out of the way of a body that comes from behind or from the side
+///   brake straight ahead, with the wheel turned back as fast as it can
+///
+/// The first rung that keeps to the limits of the body, meets no body and does not drive over the
+/// end of its lane is taken. If there is none, of those within the limits the one whose contact is
+/// the softest, and of these the latest. Nothing beyond the limits is ever emitted: the last rung
+/// keeps to them by construction (vg_stop_straight). Off the road only the last rung is left.
+///
+/// A vehicle that overlaps a body in front brakes to a standstill unless that body moves away.
 #include "motion/contact.h"
 #include "base/contract.h"
-#include "motion/target.h"
+#include "motion/follow.h"
+#include "motion/stop.h"
 #include "motion/workspace.h"
 #include "motion/trailer.h"
 
-/// Decelerations tried [m/s^2]. Slowing down ends at comfort_braking; 8 is what tyres do on a
-/// dry road (reference car: 11.5 at the very most).
-static const double keep_levels[] = { 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0 };
-static const double brake_levels[] = { 3.0, 5.0, 6.5, 8.0 };
-/// Shortest duration of the lateral motion to the centre of the lane. [s]
-static const double centring_s = 3.0;
-#define LEVELS(levels) (sizeof(levels) / sizeof(levels)[0])
-enum { limit_parts = 10 }; // parts of a step in the limit check
+#include <stddef.h>
+
+typedef enum way { IN_LANE, ACCELERATE, STRAIGHT } way;
+
+typedef struct rung {
+    way    where;
+    bool   brakes; // with the jerk of hard braking; else within the limits of normal driving
+    double level;  // [m/s^2] deceleration
+    double goal;   // [m] offset in the lane
+} rung;
+
+// Slowing down ends at comfort_braking; 8 m/s^2 is what tyres do on a dry road (reference car: 11.5
+// at the very most).
+static const rung rungs[] = {
+    { IN_LANE, false, 0.0, 0.0 },  { IN_LANE, false, 0.5, 0.0 },  { IN_LANE, false, 1.0, 0.0 },
+    { IN_LANE, false, 1.5, 0.0 },  { IN_LANE, false, 2.0, 0.0 },  { IN_LANE, false, 3.0, 0.0 },
+    { IN_LANE, false, 4.0, 0.0 },  { IN_LANE, false, 5.0, 0.0 },  { IN_LANE, false, 6.0, 0.0 },
+    { IN_LANE, true, 3.0, 0.0 },   { IN_LANE, true, 5.0, 0.0 },   { IN_LANE, true, 6.5, 0.0 },
+    { IN_LANE, true, 8.0, 0.0 },   { IN_LANE, false, 2.0, 0.3 },  { IN_LANE, false, 2.0, -0.3 },
+    { IN_LANE, false, 2.0, 0.6 },  { IN_LANE, false, 2.0, -0.6 }, { IN_LANE, true, 5.0, 0.3 },
+    { IN_LANE, true, 5.0, -0.3 },  { IN_LANE, true, 5.0, 0.6 },   { IN_LANE, true, 5.0, -0.6 },
+    { IN_LANE, true, 8.0, 0.3 },   { IN_LANE, true, 8.0, -0.3 },  { IN_LANE, true, 8.0, 0.6 },
+    { IN_LANE, true, 8.0, -0.6 },  { ACCELERATE, false, -1.5, 0.0 },
+    { ACCELERATE, true, -3.0, 0.0 }, { STRAIGHT, true, 3.0, 0.0 }, { STRAIGHT, true, 5.0, 0.0 },
+    { STRAIGHT, true, 6.5, 0.0 },  { STRAIGHT, true, 8.0, 0.0 },
+};
+enum { RUNGS = sizeof rungs / sizeof rungs[0] };
 
 /// Braking that may be needed after the horizon before the end of a lane, on a dry road. [m/s^2]
 static const double dead_end_braking = 8.0;
+/// Free space between the body and the lane boundary at an offset. [m]
+static const double goal_reserve = 0.1;
 /// An overlap with a body in front may grow by this much. [m]
 static const double overlap_tolerance = 1e-3;
 
-/// The criteria of a fallback, the most important one first.
+/// What the rungs of one vehicle share.
+typedef struct ladder {
+    vg_workspace*       ws;
+    const vg_job*       job;
+    const verge_tracks* tracks;
+    const vg_path*      path;  // of the lane; null: there is none to follow
+    vg_state            state; // on this path
+    vg_path*            straight;
+    double              speed; // [m/s] of the centre
+    double              acceleration;
+} ladder;
+
+/// The criteria of a rung, the most important one first.
 typedef struct verdict {
     bool     clear;   // no contact, and braking before the end of the lane is possible
     bool     holds;   // the limits of the body
     bool     stays;   // does not drive over the end of its lane
+    double   closing; // [m/s] difference of the velocities at the first contact; 0: no contact
     uint32_t contact; // instant of the first contact
-    double   speed;   // then, or at the horizon where it does not stay
+    double   speed;   // [m/s] at the horizon
 } verdict;
 
-static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_state* state);
-static void straight_path(vg_path* path, const vg_motion* from);
-static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_path* path,
-                           const vg_state* state, double level, double jerk);
-static verdict evaluate(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
-                        const vg_leg* leg, double braking);
-static bool overlap_grows(const verge_track* body, const verge_track* other, uint32_t last);
-static bool better(const verdict* a, const verdict* b);
+static ladder ladder_of(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
+static bool offers(const ladder* all, const rung* rung);
+static vg_stop begin(const ladder* all, const rung* rung, vg_leg* leg);
+static bool drive(const ladder* all, const rung* rung);
+static verdict evaluate(const ladder* all, const rung* rung);
+static bool better(const ladder* all, const rung* rung, const verdict* a, const verdict* b);
 
 void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                           verge_vehicle_plan* plan, verge_reason reason)
 {
-    const verge_planner_def* def = job->def;
-    vg_state state;
-    const vg_path* path = fallback_path(ws, job, &state);
-    // Off the road there is no lane to keep: brake at once.
-    const uint32_t from = job->on_road ? 0 : LEVELS(keep_levels);
-    verdict best = { 0 };
-    vg_leg best_leg;
-    bool best_brakes = true;
-    for (uint32_t i = from; i < LEVELS(keep_levels) + LEVELS(brake_levels) && !best.clear; ++i) {
-        const bool brakes = i >= LEVELS(keep_levels);
-        const double level = brakes ? brake_levels[i - LEVELS(keep_levels)] : keep_levels[i];
-        if (!brakes && level > def->comfort_braking) {
-            continue;
-        }
-        const double jerk = brakes ? VG_JERK_MAX : vg_min(def->comfort_jerk, VG_JERK_MAX);
-        const vg_leg leg = fallback_leg(job, &ws->limits, path, &state, level, jerk);
-        const double later = brakes ? dead_end_braking : def->comfort_braking;
-        const verdict now = evaluate(ws, job, tracks, &leg, later);
-        if (i == from || better(&now, &best) || (ws->blocking != 0 && now.holds)) {
-            best = now;
-            best_leg = leg;
-            best_brakes = brakes;
+    const ladder all = ladder_of(ws, job, tracks);
+    verdict best = { .clear = false };
+    const rung* taken = NULL;
+    for (uint32_t i = 0; i < RUNGS && !best.clear; ++i) {
+        if (offers(&all, &rungs[i])) {
+            const verdict now = evaluate(&all, &rungs[i]);
+            if (taken == NULL || better(&all, &rungs[i], &now, &best)) {
+                best = now;
+                taken = &rungs[i];
+            }
         }
     }
-    vg_workspace_drive(ws, def, &best_leg, 0.0, 0, def->points - 1);
-    ws->cost = vg_leg_cost(&best_leg, 0.0, 0, def->points - 1, def,
-                           &job->vehicle->habit.weights, tracks, job->track_index, true);
-    plan->status = best_brakes ? VERGE_FALLBACK_BRAKE : VERGE_FALLBACK_KEEP_LANE;
+    VERGE_ASSERT(taken != NULL);
+    (void)drive(&all, taken);
+    ws->cost = vg_motion_cost(ws->motion, ws->limits.rear_axle, job->def,
+                              &job->vehicle->habit.weights, tracks, job->track_index);
+    plan->status = taken->brakes && taken->where != ACCELERATE ? VERGE_FALLBACK_BRAKE
+                                                               : VERGE_FALLBACK_KEEP_LANE;
     plan->reason = reason;
     vg_workspace_emit(ws, job, plan);
 }
 
-static const vg_path* fallback_path(vg_workspace* ws, const vg_job* job, vg_state* state)
+static ladder ladder_of(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
 {
+    ladder all = { .ws = ws, .job = job, .tracks = tracks, .straight = &ws->paths[0] };
+    const double ratio = vg_sqrt(1.0 + vg_square(ws->limits.rear_axle * ws->start.curvature));
+    all.speed = ws->start.speed * ratio;
+    all.acceleration = ws->start.acceleration * ratio;
     if (job->on_road) {
         const vg_path* path = vg_workspace_path(ws, job, job->lane, NULL);
-        *state = vg_state_of(path, &ws->start, job->s);
-        if (state->valid) {
-            return path;
+        all.state = vg_state_of(path, &ws->start, job->s);
+        all.path = all.state.valid ? path : NULL;
+        all.straight = &ws->paths[path == &ws->paths[0] ? 1 : 0];
+    }
+    ws->path_lanes[all.straight - ws->paths] = -1;
+    return all;
+}
+
+/// Can the vehicle try this rung?
+static bool offers(const ladder* all, const rung* rung)
+{
+    const vg_job* job = all->job;
+    if (rung->where == STRAIGHT) {
+        return all->path == NULL || rung->level >= dead_end_braking;
+    }
+    const double room = all->path == NULL ? 0.0
+                                          : 0.5 * job->road->lanes[job->lane].width
+                                                - all->ws->body.half_width - goal_reserve;
+    return all->path != NULL && (rung->brakes || rung->level <= job->def->comfort_braking)
+           && (rung->goal == 0.0 || vg_abs(rung->goal) <= room)
+           && (all->ws->blocking == 0 || (rung->where == IN_LANE && rung->goal == 0.0));
+}
+
+static vg_stop begin(const ladder* all, const rung* rung, vg_leg* leg)
+{
+    const verge_planner_def* def = all->job->def;
+    const vg_limits* limits = &all->ws->limits;
+    if (rung->where == STRAIGHT) {
+        vg_stop_straight(leg, all->straight, limits, &all->ws->start);
+    } else {
+        vg_stop_in_lane(leg, all->path, limits, &all->state, rung->goal);
+    }
+    const double jerk = rung->brakes ? VG_JERK_MAX : vg_min(def->comfort_jerk, VG_JERK_MAX);
+    vg_stop stop = vg_stop_from(leg, rung->goal, all->speed, all->acceleration, rung->level, jerk);
+    if (all->job->on_road) {
+        const double limit = all->job->road->lanes[all->job->lane].speed_limit;
+        stop.speed_max = vg_max(limit, all->speed);
+    }
+    return stop;
+}
+
+/// Writes the trajectory of a rung to the workspace. True: it keeps to the limits of the body.
+static bool drive(const ladder* all, const rung* rung)
+{
+    vg_workspace* ws = all->ws;
+    const verge_planner_def* def = all->job->def;
+    const uint32_t parts = (uint32_t)(def->point_s / VG_STOP_STEP + 1.0 - 1e-9);
+    vg_leg leg;
+    vg_stop stop = begin(all, rung, &leg);
+    bool holds = true;
+    for (uint32_t k = 1; k < def->points; ++k) {
+        vg_rear rear = { 0 };
+        for (uint32_t i = 0; i < parts; ++i) {
+            vg_stop_advance(&stop, def->point_s / parts);
+            rear = vg_stop_at(&stop);
+            holds = holds && vg_hard_ratio(leg.limits, &rear, rear.speed) <= 1.0;
         }
+        vg_workspace_place(ws, k, &rear);
     }
-    straight_path(&ws->paths[0], &ws->start);
-    ws->path_lanes[0] = -1;
-    *state = (vg_state){ 0.0, ws->start.speed, ws->start.acceleration, 0.0, 0.0,
-                         ws->start.curvature, true };
-    return &ws->paths[0];
+    vg_workspace_pull_trailer(ws, 0, def->points - 1);
+    return holds;
 }
 
-/// The straight line ahead of the rear axle; its coordinate is 0 there.
-static void straight_path(vg_path* path, const vg_motion* from)
+/// Length of the difference of two velocities at instant k. [m/s]
+static double closing_speed(const verge_track* a, const verge_track* b, uint32_t k)
 {
-    double sine, cosine;
-    vg_sincos(from->heading, &sine, &cosine);
-    path->knot_count = 8;
-    path->knot_spacing = 100.0;
-    path->start = -100.0;
-    path->anchor = 0;
-    for (uint32_t i = 0; i < path->knot_count; ++i) {
-        const double s = path->start + path->knot_spacing * i;
-        path->x[i] = from->x + s * cosine;
-        path->y[i] = from->y + s * sine;
-        path->xss[i] = path->yss[i] = 0.0;
-    }
-}
-
-static vg_leg fallback_leg(const vg_job* job, const vg_limits* limits, const vg_path* path,
-                           const vg_state* state, double level, double jerk)
-{
-    vg_leg leg = { .path = path, .limits = limits,
-                   .profile = vg_profile_braking(state, level, jerk) };
-    vg_leg_link(&leg, state, vg_max(centring_s, job->def->point_s * (job->def->points - 1)), 0.0);
-    return leg;
-}
-
-/// braking: largest braking that may be needed after the horizon before the end of the lane.
-/// [m/s^2]
-static verdict evaluate(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
-                        const vg_leg* leg, double braking)
-{
-    const verge_planner_def* def = job->def;
-    const uint32_t last = def->points - 1;
-    verdict v = { .holds = true, .contact = last + 1 };
-    for (uint32_t i = 1; i <= last * limit_parts && v.holds; ++i) {
-        const vg_row row = vg_leg_row(leg, def->point_s * i / limit_parts);
-        const vg_rear rear = vg_rear_of(&row, 0.0);
-        v.holds = vg_hard_ratio(leg->limits, &rear, row.s_t) <= 1.0;
-    }
-    vg_workspace_drive(ws, def, leg, 0.0, 0, last);
-    bool grows = false;
-    const uint32_t trailer = vg_trailer_of(tracks, job->track_index);
-    for (uint32_t j = 0; j < tracks->count; ++j) {
-        if (j != job->track_index && j != trailer) {
-            for (uint32_t i = 0; i < vg_workspace_bodies(ws); ++i) {
-                const uint32_t k = vg_contact_new(vg_workspace_body(ws, i), &tracks->of[j], 0.0,
-                                                  last);
-                v.contact = k < v.contact ? k : v.contact;
-            }
-            grows |= (ws->blocking >> j & 1) != 0
-                    && overlap_grows(&ws->body, &tracks->of[j], last);
-        }
-    }
-    const vg_lane* lane = job->on_road ? &job->road->lanes[job->lane] : NULL;
-    const bool ends = lane != NULL && lane->dead_end;
-    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, dead_end_braking);
-    v.speed = ws->body.speed[v.contact <= last && v.stays ? v.contact : last];
-    const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, braking);
-    v.clear = v.holds && v.contact > last && easily && !grows;
-    return v;
+    const double x = a->speed[k] * a->cos_heading[k] - b->speed[k] * b->cos_heading[k];
+    const double y = a->speed[k] * a->sin_heading[k] - b->speed[k] * b->sin_heading[k];
+    return vg_sqrt(x * x + y * y);
 }
 
 /// Does the overlap with a body in front grow?
@@ -171,15 +203,80 @@ static bool overlap_grows(const verge_track* body, const verge_track* other, uin
     return false;
 }
 
-/// Staying on a lane that ends outranks avoiding a contact: the vehicle behind can brake as well.
-/// If neither fallback stays on the lane, the slower one is better.
-static bool better(const verdict* a, const verdict* b)
+/// The first contact with another body. True: an overlap that exists already grows.
+static bool meet(const ladder* all, verdict* v)
+{
+    const vg_workspace* ws = all->ws;
+    const uint32_t own = all->job->track_index, trailer = vg_trailer_of(all->tracks, own);
+    const uint32_t last = all->job->def->points - 1;
+    bool grows = false;
+    for (uint32_t j = 0; j < all->tracks->count; ++j) {
+        const verge_track* other = &all->tracks->of[j];
+        if (j == own || j == trailer || (ws->ignored >> j & 1) != 0) {
+            continue;
+        }
+        for (uint32_t i = 0; i < vg_workspace_bodies(ws); ++i) {
+            const verge_track* body = vg_workspace_body(ws, i);
+            const uint32_t k = vg_contact_new(body, other, 0.0, last);
+            if (k <= last && k <= v->contact) {
+                const double closing = closing_speed(body, other, k);
+                v->closing = k < v->contact ? closing : vg_max(closing, v->closing);
+                v->contact = k;
+            }
+        }
+        grows |= (ws->blocking >> j & 1) != 0 && overlap_grows(&ws->body, other, last);
+    }
+    return grows;
+}
+
+/// Is the way ahead free for a vehicle that has accelerated? It may reach the speed at the horizon
+/// only where comfortable braking afterwards keeps it behind all bodies ahead.
+static bool way_is_free(const ladder* all)
+{
+    const verge_planner_def* def = all->job->def;
+    const uint32_t last = def->points - 1;
+    const vg_following ahead = { all->path, all->tracks, all->job->track_index,
+                                 all->ws->limits.rear_axle, 0, last, def->point_s * last,
+                                 def->idm_gap, def->clearance };
+    return all->ws->motion[last].speed
+           <= vg_follow_speed(&ahead, &all->state, def->comfort_braking);
+}
+
+static verdict evaluate(const ladder* all, const rung* rung)
+{
+    const vg_job* job = all->job;
+    vg_workspace* ws = all->ws;
+    const uint32_t last = job->def->points - 1;
+    verdict v = { .contact = last + 1 };
+    v.holds = drive(all, rung);
+    const bool grows = meet(all, &v);
+    const vg_lane* lane = job->on_road ? &job->road->lanes[job->lane] : NULL;
+    const bool ends = lane != NULL && lane->dead_end;
+    const double later = rung->brakes ? dead_end_braking : job->def->comfort_braking;
+    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, dead_end_braking);
+    const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, later);
+    v.speed = ws->body.speed[last];
+    v.clear = v.holds && v.contact > last && easily && !grows
+              && (rung->where != ACCELERATE || way_is_free(all));
+    return v;
+}
+
+/// Is rung a better than the best one before it, b? Accelerating is for those only that become
+/// clear by it. Staying on a lane that ends outranks avoiding a contact: the vehicle behind can
+/// brake as well. With a body in front that it overlaps, a vehicle brakes the harder the better.
+static bool better(const ladder* all, const rung* rung, const verdict* a, const verdict* b)
 {
     if (a->clear != b->clear) {
         return a->clear;
     }
+    if (rung->where == ACCELERATE) {
+        return false;
+    }
     if (a->holds != b->holds) {
         return a->holds;
+    }
+    if (all->ws->blocking != 0) {
+        return a->holds && rung->where == IN_LANE;
     }
     if (a->stays != b->stays) {
         return a->stays;
@@ -187,5 +284,5 @@ static bool better(const verdict* a, const verdict* b)
     if (!a->stays && a->speed != b->speed) {
         return a->speed < b->speed;
     }
-    return a->contact != b->contact ? a->contact > b->contact : a->speed < b->speed;
+    return a->closing != b->closing ? a->closing < b->closing : a->contact > b->contact;
 }

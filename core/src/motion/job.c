@@ -16,6 +16,8 @@ static const double track_max = 1e8;
 static const double size_slack = 1e-6;
 // No vehicle steers as sharply as this: such a curvature of the last trajectory is not used. [1/m]
 static const double curvature_max = 100.0;
+// A controlled vehicle farther behind than this is no follower. [m]
+static const double follower_distance = 200.0;
 // A vehicle nearer than this to its last trajectory follows it. [m]
 static const double on_plan_distance = 0.3;
 // A change is complete on its lane, nearer to the centre than this. Lane keeping does the rest. [m]
@@ -26,6 +28,7 @@ static const double brake_light_from = 0.8;
 static double known_curvature(const verge_planner_def* def, const verge_vehicle* v, int64_t utime,
                               const verge_vehicle_plan* before);
 static bool on_trajectory(const verge_vehicle* v, const verge_vehicle_plan* before, uint32_t k);
+static uint64_t followers_of(const verge_scene* scene, uint32_t own);
 static void finish_change(const vg_expected* expected, int64_t utime,
                           const verge_vehicle_plan* before, vg_job* job);
 static void brake_off_road(const verge_planner_def* def, const verge_vehicle* vehicle,
@@ -61,6 +64,7 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
         }
         job->lane = expected.states[0].lane;
         job->target = vg_road_lane_index(scene->road, vehicle->target_lane);
+        job->followers = followers_of(scene, vehicle_index);
         vg_segments_from(&expected, job);
         if (def->search == VERGE_SEARCH_BEST) {
             finish_change(&expected, scene->utime, before, job);
@@ -75,6 +79,40 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
     plan->vehicle_id = vehicle->id;
     plan->utime = scene->utime;
     return true;
+}
+
+// Is the body of `own` ahead of that of `behind`, on the way of `behind`?
+static bool is_ahead(const verge_scene* scene, uint32_t own, uint32_t behind)
+{
+    const verge_road* road = scene->road;
+    const verge_lane_position *at = &scene->positions[own], *from = &scene->positions[behind];
+    const int32_t start = vg_road_lane_index(road, from->lane_id);
+    if (start < 0 || at->lane_id == VERGE_NO_LANE) {
+        return false;
+    }
+    vg_walk walk = vg_walk_from(road, (uint32_t)start,
+                                vg_road_lane_index(road, scene->vehicles[behind].target_lane));
+    const double bodies = 0.5 * (scene->vehicles[own].length + scene->vehicles[behind].length);
+    double distance = at->s - from->s;
+    while (road->lanes[walk.lane].id != at->lane_id || distance < bodies) {
+        distance += road->lanes[walk.lane].length;
+        if (distance - at->s > follower_distance || !vg_walk_on(&walk)) {
+            return false;
+        }
+    }
+    return distance <= follower_distance;
+}
+
+// Controlled vehicles behind this one, which plan behind whatever it does.
+static uint64_t followers_of(const verge_scene* scene, uint32_t own)
+{
+    uint64_t set = 0;
+    for (uint32_t k = 0; k < scene->vehicle_count; ++k) {
+        const bool follows = k != own && scene->vehicles[k].controlled && is_ahead(scene, own, k)
+                             && !is_ahead(scene, k, own);
+        set |= follows ? (uint64_t)1 << k : 0;
+    }
+    return set;
 }
 
 // Curvature of the vehicle's path at t = 0. Below 2 m/s, or without a measured yaw rate, it is that
@@ -292,6 +330,7 @@ verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const 
         return VERGE_ERR_DEF;
     }
     self->workspace->evaluated = 0;
+    self->workspace->ignored = 0;
     vg_vehicle_plan_trajectory(self->workspace, &self->job, tracks, plan);
     self->candidates += self->workspace->evaluated;
     vg_job_end(&self->job, self->workspace, plan);

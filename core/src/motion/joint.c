@@ -1,10 +1,11 @@
 /// The trajectories of all vehicles. First each vehicle is planned independently, in parallel,
 /// against the predicted tracks (section 3.2.2: "parallel planners"). Then vehicles whose
-/// trajectories touch are planned again, one after the other in the order of ids. The second part
-/// is serial and uses only final results of the first, so the executor does not influence the
+/// trajectories touch are planned again, one after the other, leaders before followers. The second
+/// part is serial and uses only final results of the first, so the executor does not influence the
 /// result.
 #include "motion/contact.h"
 #include "base/contract.h"
+#include "base/scalar.h"
 #include "motion/trailer.h"
 #include "motion/workspace.h"
 
@@ -21,6 +22,7 @@ typedef struct tasks {
 
 static void plan_one(void* arg, uint32_t index);
 static void replace_prediction(const vg_workspace* ws, const vg_job* job, verge_tracks* tracks);
+static void front_first(const vg_job* jobs, uint32_t count, uint32_t* order);
 static void copy_motion(const verge_track* from, verge_track* to, uint32_t points);
 static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b);
 static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const verge_tracks* tracks,
@@ -39,6 +41,7 @@ uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs
     for (uint32_t i = 0; i < job_count; ++i) {
         VERGE_ASSERT(jobs[i].track_index < tracks->count);
         workspaces[i]->evaluated = 0;
+        workspaces[i]->ignored = jobs[i].followers;
     }
     tasks all = { workspaces, jobs, tracks, plans };
     const verge_planner_def* def = jobs[0].def;
@@ -53,11 +56,16 @@ uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs
         replace_prediction(workspaces[i], &jobs[i], tracks);
     }
 
+    uint32_t order[VERGE_CONTROLLED_MAX];
+    front_first(jobs, job_count, order);
     bool changed = true;
     for (uint32_t pass = 0; pass < passes_max && changed; ++pass) {
         changed = false;
-        for (uint32_t i = 0; i < job_count; ++i) {
+        for (uint32_t n = 0; n < job_count; ++n) {
+            const uint32_t i = order[n];
             if (must_yield(i, jobs, job_count, tracks, plans, pass)) {
+                // Last of all a vehicle takes account of those behind that cannot do it.
+                workspaces[i]->ignored = pass < passes_max - 1 ? jobs[i].followers : 0;
                 plan_one(&all, i);
                 replace_prediction(workspaces[i], &jobs[i], tracks);
                 ++*replanned_count;
@@ -79,6 +87,21 @@ static void plan_one(void* arg, uint32_t index)
     const tasks* all = arg;
     vg_vehicle_plan_trajectory(all->workspaces[index], &all->jobs[index], all->tracks,
                                &all->plans[index]);
+}
+
+/// The order of the joint check: in a lane from the front to the rear, so that one pass is enough
+/// for a whole convoy. The vehicle ahead has more followers than the one behind.
+static void front_first(const vg_job* jobs, uint32_t count, uint32_t* order)
+{
+    VERGE_ASSERT(count <= VERGE_CONTROLLED_MAX);
+    for (uint32_t i = 0; i < count; ++i) {
+        const uint32_t followers = vg_bits(jobs[i].followers);
+        uint32_t at = i;
+        for (; at > 0 && vg_bits(jobs[order[at - 1]].followers) < followers; --at) {
+            order[at] = order[at - 1];
+        }
+        order[at] = i;
+    }
 }
 
 /// Replaces the prediction of a vehicle by its planned trajectory.
@@ -118,18 +141,38 @@ static bool touch(const verge_tracks* tracks, const vg_job* a, const vg_job* b)
     return false;
 }
 
-/// Must vehicle i be planned again? Of two vehicles whose trajectories touch, the one with the
-/// later id yields. If exactly one of them is a fallback, the other one yields. Two fallbacks stay
-/// as they are. A fallback because of the prediction of a controlled vehicle is planned once more,
-/// against the planned trajectory of that vehicle.
+/// Does vehicle i yield to vehicle j where their trajectories touch? In a lane the one behind does,
+/// whatever the kinds of their plans: the vehicle ahead has to brake for what is ahead of it.
+/// Elsewhere a planned trajectory yields to a fallback, and the later id to the earlier one. Two
+/// fallbacks that touch are both planned anew: each was made against the prediction of the other
+/// one, which brakes less.
+static bool yields_to(const vg_job* i, const vg_job* j, const verge_vehicle_plan* plan,
+                      const verge_vehicle_plan* other, uint32_t pass)
+{
+    const bool falls_back = plan->status != VERGE_PLANNED;
+    const bool other_falls_back = other->status != VERGE_PLANNED;
+    if ((j->followers >> i->track_index & 1) != 0) {
+        return true;
+    }
+    if ((i->followers >> j->track_index & 1) != 0) {
+        return pass == passes_max - 1 && other_falls_back && !falls_back;
+    }
+    if (falls_back || other_falls_back) {
+        return other_falls_back;
+    }
+    return j->track_index < i->track_index;
+}
+
+/// Must vehicle i be planned again? A fallback because of the prediction of a controlled vehicle is
+/// planned once more, against the planned trajectory of that vehicle.
 static bool must_yield(uint32_t i, const vg_job* jobs, uint32_t count, const verge_tracks* tracks,
                        const verge_vehicle_plan* plans, uint32_t pass)
 {
-    if (plans[i].status != VERGE_PLANNED) {
-        return pass == 0 && plans[i].reason == VERGE_REASON_JOINT;
+    if (plans[i].status != VERGE_PLANNED && pass == 0 && plans[i].reason == VERGE_REASON_JOINT) {
+        return true;
     }
     for (uint32_t j = 0; j < count; ++j) {
-        if ((j < i || (j > i && plans[j].status != VERGE_PLANNED))
+        if (j != i && yields_to(&jobs[i], &jobs[j], &plans[i], &plans[j], pass)
             && touch(tracks, &jobs[i], &jobs[j])) {
             return true;
         }

@@ -20,8 +20,10 @@ static const double link_limit_share = 0.5;
 
 static vg_profile stop_smoothly(const vg_state* start, double T);
 static void append(vg_profile* profile, double duration, double jerk, double snap);
-static double link_strain(const vg_leg* leg, double d, double v, double a, double span,
-                          double offset, double speed);
+static void link(vg_leg* leg, const vg_axis_state* here, double shortest, double offset,
+                 double speed);
+static double link_strain(const vg_leg* leg, const vg_axis_state* from, double T, double offset,
+                          double speed);
 static void link_at(const vg_quintic* link, double x, double out[4]);
 
 vg_limits vg_limits_of(const verge_body* body)
@@ -62,36 +64,6 @@ vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T)
     return profile;
 }
 
-vg_profile vg_profile_braking(const vg_state* start, double level, double jerk)
-{
-    VERGE_ASSERT(level >= 0.0 && jerk > 0.0);
-    const double v = start->s_t, a = start->s_tt;
-    if (a <= 0.0 && v <= vg_max(a * a / (2.0 * jerk), 1e-6)) {
-        // The vehicle stands, or stops before the brakes could be released.
-        return stop_smoothly(start, a < 0.0 ? 3.0 * v / -a : 0.0);
-    }
-    vg_profile profile = { .count = 1 };
-    profile.pieces[0] = (vg_piece){ .s = start->s, .v = v, .a = a };
-    if (level <= 0.0) {
-        append(&profile, vg_abs(a) / jerk, a > 0.0 ? -jerk : jerk, 0.0);
-        profile.pieces[profile.count - 1].a = 0.0;
-        return profile;
-    }
-    // Acceleration falls to -b, is held, and rises to 0 exactly at standstill. At low speed b is
-    // less.
-    const double peak = vg_sqrt(jerk * v + 0.5 * a * a);
-    const double b = vg_min(level, vg_max(peak, -a));
-    const bool   ease = a < -b;
-    append(&profile, vg_abs(a + b) / jerk, ease ? jerk : -jerk, 0.0);
-    vg_piece* hold = &profile.pieces[profile.count - 1];
-    hold->a = -b;
-    append(&profile, vg_max(0.0, (hold->v - b * b / (2.0 * jerk)) / b), 0.0, 0.0);
-    append(&profile, b / jerk, jerk, 0.0);
-    vg_piece* last = &profile.pieces[profile.count - 1];
-    last->v = last->a = 0.0; // exactly at rest, without the rounding of the pieces before
-    return profile;
-}
-
 /// v(u) = (1 - u)^2 (v0 + (2 v0 + a0 T) u), u = t / T, is >= 0 while 3 v0 + a0 T >= 0.
 static vg_profile stop_smoothly(const vg_state* start, double T)
 {
@@ -116,7 +88,6 @@ static void append(vg_profile* profile, double duration, double jerk, double sna
 {
     VERGE_ASSERT(profile->count >= 1 && profile->count < VG_PIECES_MAX);
     VERGE_ASSERT(duration >= 0.0);
-    VERGE_ASSERT(profile->count < VG_PIECES_MAX);
     vg_piece* last = &profile->pieces[profile->count - 1];
     last->j = jerk;
     last->snap = snap;
@@ -154,37 +125,52 @@ void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset)
     }
     leg->s_start = start->s;
     leg->by_distance = slowest < VERGE_SPEED_SLOW;
-    const double distance = vg_profile_at(&leg->profile, T).s - start->s;
-    const double v = leg->by_distance ? 1.0 : start->s_t;
-    const double d_v = start->d1 * v;
-    const double d_a = leg->by_distance ? start->d2 : start->d2 * v * v + start->d1 * start->s_tt;
-    const double shortest = leg->by_distance ? vg_max(distance, link_distance_min) : T;
-    const double speed = leg->by_distance ? vg_max(fastest, 0.5) : slowest;
+    if (leg->by_distance) {
+        const double distance = vg_profile_at(&leg->profile, T).s - start->s;
+        vg_leg_link_by_distance(leg, start, distance, offset, vg_max(fastest, 0.5));
+        return;
+    }
+    const double v = start->s_t;
+    const vg_axis_state here = { start->d, start->d1 * v,
+                                 start->d2 * v * v + start->d1 * start->s_tt };
+    link(leg, &here, T, offset, slowest);
+}
 
-    // The shortest link within the limits of steering and comfort, else the one nearest to them.
+void vg_leg_link_by_distance(vg_leg* leg, const vg_state* start, double distance, double offset,
+                             double speed)
+{
+    VERGE_ASSERT(speed > 0.0);
+    leg->s_start = start->s;
+    leg->by_distance = true;
+    const vg_axis_state here = { start->d, start->d1, start->d2 };
+    link(leg, &here, vg_max(distance, link_distance_min), offset, speed);
+}
+
+/// The shortest link within the limits of steering and comfort, else the one nearest to them.
+static void link(vg_leg* leg, const vg_axis_state* here, double shortest, double offset,
+                 double speed)
+{
     double least = VG_HUGE;
     leg->span = shortest;
     for (double span = shortest; span <= link_stretch_max * shortest && least > 1.0;
          span *= link_stretch_step) {
-        const double strain = link_strain(leg, start->d, d_v, d_a, span, offset, speed);
+        const double strain = link_strain(leg, here, span, offset, speed);
         if (strain < least) {
             least = strain;
             leg->span = span;
         }
     }
-    const vg_axis_state here = { start->d, d_v, d_a }, none = { 0.0, 0.0, 0.0 };
-    const vg_axis_state one = { 1.0, 0.0, 0.0 };
-    leg->base = vg_quintic_between(here, none, leg->span);
+    const vg_axis_state none = { 0.0, 0.0, 0.0 }, one = { 1.0, 0.0, 0.0 };
+    leg->base = vg_quintic_between(*here, none, leg->span);
     leg->shape = vg_quintic_between(none, one, leg->span);
 }
 
 /// Largest ratio of the link to `offset` to the limits of steering rate and comfort; above 1 a
 /// limit is exceeded. Steering rate limits the third derivative at both ends, comfort the second.
-static double link_strain(const vg_leg* leg, double d, double v, double a, double span,
-                          double offset, double speed)
+static double link_strain(const vg_leg* leg, const vg_axis_state* from, double T, double offset,
+                          double speed)
 {
-    const double rise = offset - d;
-    const double T = span;
+    const double rise = offset - from->position, v = from->velocity, a = from->acceleration;
     const double first = 60.0 * rise / (T * T * T) - 36.0 * v / (T * T) - 9.0 * a / T;
     const double last = 60.0 * rise / (T * T * T) - 24.0 * v / (T * T) - 3.0 * a / T;
     const double third = vg_max(vg_abs(first), vg_abs(last));
@@ -209,6 +195,17 @@ static void link_at(const vg_quintic* link, double x, double out[4])
     out[3] = at.jerk;
 }
 
+/// The lateral polynomials at x. Where the link has ended, base and all derivatives are 0.
+static void set_links(const vg_leg* leg, double x, vg_row* row)
+{
+    if (x >= leg->span) {
+        row->shape[0] = 1.0;
+        return;
+    }
+    link_at(&leg->base, x, row->base);
+    link_at(&leg->shape, x, row->shape);
+}
+
 /// Converts derivatives by time to derivatives by distance.
 static void convert_to_distance(double d[4], const vg_piece* at)
 {
@@ -228,16 +225,19 @@ vg_row vg_leg_row(const vg_leg* leg, double t)
     vg_row row = { .line = vg_path_at(leg->path, at.s),
                    .s = at.s, .s_t = at.v, .s_tt = at.a, .s_ttt = at.j };
     const double x = leg->by_distance ? at.s - leg->s_start : t;
-    if (x >= leg->span) {
-        row.shape[0] = 1.0; // the link has ended: base and all derivatives are 0
-        return row;
-    }
-    link_at(&leg->base, x, row.base);
-    link_at(&leg->shape, x, row.shape);
-    if (!leg->by_distance) {
+    set_links(leg, x, &row);
+    if (!leg->by_distance && x < leg->span) {
         convert_to_distance(row.base, &at);
         convert_to_distance(row.shape, &at);
     }
+    return row;
+}
+
+vg_row vg_leg_place(const vg_leg* leg, double s)
+{
+    VERGE_ASSERT(leg->by_distance && leg->span > 0.0);
+    vg_row row = { .line = vg_path_at(leg->path, s), .s = s, .s_t = 1.0 };
+    set_links(leg, s - leg->s_start, &row);
     return row;
 }
 

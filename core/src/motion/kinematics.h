@@ -21,6 +21,9 @@ extern "C" {
 /// Smallest 1 - curvature * d: below it the point is too near the line's centre of curvature. [1]
 #define VG_FRAME_MIN 0.1
 
+/// Largest jerk of any trajectory: the rate at which brakes build up their force. [m/s^3]
+#define VG_JERK_MAX 12.0
+
 /// Motion of a point in the plane.
 typedef struct vg_motion {
     double x, y, heading;  ///< [m], [m], [rad]
@@ -59,8 +62,8 @@ typedef struct vg_state {
     bool   valid;         ///< false: the body is across the line, or 1 - curvature * d is too small
 } vg_state;
 
-/// s(t) in up to five pieces of constant snap; the last one has no end.
-enum { VG_PIECES_MAX = 5 };
+/// s(t) in up to two pieces of constant snap; the last one has no end.
+enum { VG_PIECES_MAX = 2 };
 typedef struct vg_piece {
     double t, s, v, a, j, snap;
 } vg_piece;
@@ -107,15 +110,19 @@ vg_motion vg_motion_of(const vg_rear* rear);
 /// position. With v1 = 0 it never moves backwards: it stops earlier if the present deceleration
 /// requires it.
 vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T);
-/// Jerk-limited braking to a standstill at `level` [m/s^2]; level 0: constant speed.
-vg_profile vg_profile_braking(const vg_state* start, double level, double jerk);
 vg_piece vg_profile_at(const vg_profile* profile, double t);
 
 /// Chooses the lateral polynomials of a leg of duration T that ends near an offset: by time, or by
 /// distance at low speed. They are longer than T if the steering requires it; the lateral motion
 /// then continues beyond the leg.
 void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset);
+/// The same by distance at any speed, `distance` long or longer. speed: the highest one. [m], [m/s]
+void vg_leg_link_by_distance(vg_leg* leg, const vg_state* start, double distance, double offset,
+                             double speed);
 vg_row vg_leg_row(const vg_leg* leg, double t);
+/// The leg at s, without a profile: derivatives are by s, as at a speed of 1 along the line. Only
+/// for lateral motion by distance.
+vg_row vg_leg_place(const vg_leg* leg, double s);
 
 /// Motion of the rear axle. Without branches, so that loops over offsets are vectorized. The second
 /// derivative of the line's curvature is taken as 0.

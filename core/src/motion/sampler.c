@@ -293,7 +293,8 @@ static bool collides(vg_workspace* ws, const vg_batch* batch, const chain* chain
     for (uint32_t i = 0; i < vg_workspace_bodies(ws); ++i) {
         for (uint32_t j = 0; j < tracks->count; ++j) {
             const verge_track* other = &tracks->of[j];
-            if (j != own && j != trailer && body_collides(ws, i, batch, chain, j)) {
+            const bool yields = (ws->ignored >> j & 1) != 0;
+            if (j != own && j != trailer && !yields && body_collides(ws, i, batch, chain, j)) {
                 ws->refusals.uncontrolled |= !other->controlled;
                 ws->refusals.controlled |= other->controlled;
                 return true;

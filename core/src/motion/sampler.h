@@ -30,6 +30,7 @@ typedef struct vg_job {
     int32_t    target;      ///< lane index, -1 none
     double     curvature;   ///< [1/m] of the centre's path at t = 0, measured or estimated
     uint32_t   track_index; ///< of the vehicle itself in the tracks
+    uint64_t   followers;   ///< tracks (bits) of controlled vehicles behind it in its lane
     int32_t    change_lane; ///< index of the lane that the first segment changes to, -1 none
     uint32_t   segment_count;
     vg_segment segments[VERGE_STEPS_MAX + 1]; ///< a change under way may end inside a step
@@ -41,11 +42,11 @@ typedef struct vg_workspace vg_workspace; ///< one per job, in the planner's are
 /// measuring.
 vg_workspace* vg_workspace_take(vg_arena* arena, const verge_planner_def* def);
 /// Plans all jobs, ordered by vehicle id. First each job is planned by the executor against the
-/// predicted tracks. Then the joint check: if two trajectories overlap, the vehicle with the later
-/// id is planned again against the final trajectory of the earlier one, until only fallbacks
-/// overlap. Fills points, point_count, cost, status and reason of plans[job]. The tracks of the
-/// controlled vehicles are overwritten with their final trajectories. Returns the number of
-/// candidate trajectories evaluated.
+/// predicted tracks. Then the joint check: if two trajectories overlap, one of both is planned
+/// again against the final trajectory of the other one, until only fallbacks overlap. In a lane the
+/// vehicle behind yields, else the one with the later id. Fills points, point_count, cost, status
+/// and reason of plans[job]. The tracks of the controlled vehicles are overwritten with their final
+/// trajectories. Returns the number of candidate trajectories evaluated.
 uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs,
                              uint32_t job_count, verge_tracks* tracks, verge_vehicle_plan* plans,
                              uint32_t* replanned_count);

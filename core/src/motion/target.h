@@ -11,9 +11,6 @@
 extern "C" {
 #endif
 
-/// Largest jerk of any trajectory: the rate at which brakes build up their force. [m/s^3]
-#define VG_JERK_MAX 12.0
-
 /// Cost of the difference between end speed and decided speed, per point [1/(m/s)^2]. The cost of
 /// the paper has no such term, and without one the cheapest candidate for AC is the slowest of the
 /// region. With 10, a vehicle whose decision gains 0.9 m/s gains about 0.75 m/s. The term orders

@@ -140,26 +140,36 @@ const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t l
     return &ws->paths[slot];
 }
 
+void vg_workspace_place(vg_workspace* ws, uint32_t k, const vg_rear* rear)
+{
+    VERGE_ASSERT(k > 0 && k < VERGE_POINTS_MAX);
+    verge_track* body = &ws->body;
+    const double rear_axle = ws->limits.rear_axle;
+    ws->motion[k] = *rear;
+    body->x[k] = rear->x + rear_axle * rear->cos_heading;
+    body->y[k] = rear->y + rear_axle * rear->sin_heading;
+    body->cos_heading[k] = rear->cos_heading;
+    body->sin_heading[k] = rear->sin_heading;
+    body->speed[k] =
+        vg_max(rear->speed, 0.0) * vg_sqrt(1.0 + vg_square(rear_axle * rear->curvature));
+}
+
+void vg_workspace_pull_trailer(vg_workspace* ws, uint32_t start, uint32_t last)
+{
+    if (vg_workspace_bodies(ws) > 1) {
+        vg_trailer_follow(&ws->shape, &ws->body, &ws->trailer, start, last);
+    }
+}
+
 void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg_leg* leg,
                         double offset, uint32_t start, uint32_t last)
 {
-    VERGE_ASSERT(last < VERGE_POINTS_MAX);
-    verge_track* body = &ws->body;
-    const double rear_axle = ws->limits.rear_axle;
     for (uint32_t k = start + 1; k <= last; ++k) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
         const vg_rear rear = vg_rear_of(&row, offset);
-        ws->motion[k] = rear;
-        body->x[k] = rear.x + rear_axle * rear.cos_heading;
-        body->y[k] = rear.y + rear_axle * rear.sin_heading;
-        body->cos_heading[k] = rear.cos_heading;
-        body->sin_heading[k] = rear.sin_heading;
-        body->speed[k] = vg_max(rear.speed, 0.0)
-                       * vg_sqrt(1.0 + vg_square(rear_axle * rear.curvature));
+        vg_workspace_place(ws, k, &rear);
     }
-    if (vg_workspace_bodies(ws) > 1) {
-        vg_trailer_follow(&ws->shape, body, &ws->trailer, start, last);
-    }
+    vg_workspace_pull_trailer(ws, start, last);
 }
 
 bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_lane* lane,

@@ -1,4 +1,4 @@
-/// The working memory for the trajectory of one vehicle: about 46 KiB with the default parameters,
+/// The working memory for the trajectory of one vehicle: about 43 KiB with the default parameters,
 /// most of it two paths. Each job has its own, so jobs may run on any threads.
 #ifndef VG_WORKSPACE_H
 #define VG_WORKSPACE_H
@@ -37,6 +37,7 @@ struct vg_workspace {
     vg_refusals refusals;
     uint64_t near_start[2];   ///< tracks (bits) nearer than the clearance at t = 0 to the vehicle,
                               ///< to its trailer
+    uint64_t ignored;         ///< tracks (bits) of vehicles that yield to this one
     uint64_t blocking;        ///< tracks (bits) the body overlaps at t = 0 that are in front of it
     uint64_t evaluated;       ///< candidates
 };
@@ -58,6 +59,11 @@ static inline const verge_track* vg_workspace_body(const vg_workspace* workspace
 const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t lane,
                                  const vg_path* keep);
 
+/// Writes the motion of the rear axle at instant k to body and motion.
+void vg_workspace_place(vg_workspace* ws, uint32_t k, const vg_rear* rear);
+/// Moves the trailer, if there is one, behind the body from instant `start` to `last`.
+void vg_workspace_pull_trailer(vg_workspace* ws, uint32_t start, uint32_t last);
+
 /// Writes the points start + 1 .. last of a leg to body and motion.
 void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg_leg* leg,
                         double offset, uint32_t start, uint32_t last);
@@ -76,7 +82,7 @@ void vg_cost_add(verge_cost* sum, const verge_cost* cost);
 void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                                 verge_vehicle_plan* plan);
 
-/// Plans the fallback (fallback.c): gentle deceleration in the lane, else braking.
+/// Plans the fallback (fallback.c): the gentlest of a ladder of stopping continuations.
 void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                           verge_vehicle_plan* plan, verge_reason reason);
 

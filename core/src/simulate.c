@@ -8,6 +8,7 @@
 #include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/advance.h"
+#include "traffic/order.h"
 #include "traffic/signals.h"
 
 struct verge_humans {
@@ -16,6 +17,9 @@ struct verge_humans {
     vg_pairs* pairs;
     vg_model* model;
     vg_flow*  flows; // [2] at the start, and dt later
+    vg_order* order; // who passes conflict areas first
+    verge_turns turns;
+    int64_t   utime;  // [us] counted from the first call
 };
 
 static void* take(vg_arena* arena, const verge_planner_def* def)
@@ -26,8 +30,10 @@ static void* take(vg_arena* arena, const verge_planner_def* def)
     vg_pairs* pairs = vg_pairs_take(arena, vehicles_max, def->road.lane_count);
     vg_model* model = vg_arena_take(arena, sizeof *model);
     vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
+    vg_order* order = vg_order_take(arena, def->vehicles_max);
     if (self != NULL) {
-        *self = (verge_humans){ .def = *def, .pairs = pairs, .model = model, .flows = flows };
+        *self = (verge_humans){ .def = *def, .pairs = pairs, .model = model, .flows = flows,
+                                .order = order };
         self->def.road = (verge_road_def){ NULL, 0 };
         self->scene = (verge_scene){ .positions = positions, .vehicles_max = vehicles_max };
     }
@@ -132,6 +138,10 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
     vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
     self->model->lawless = slots_of(self, rules->lawless_ids, rules->lawless_count);
     vg_model_free_humans(self->model, &self->flows[0]);
+    self->utime += (int64_t)(dt * 1e6);
+    scene->utime = self->utime;
+    self->order->of_humans = true;
+    vg_order_from(self->order, self->model, &self->flows[0], scene, &self->turns);
     vg_flow_follow(self->model, &self->flows[0], dt, next);
     for (uint32_t i = 0; i < vehicle_count; ++i) {
         verge_vehicle* v = &vehicles[i];

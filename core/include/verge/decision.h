@@ -139,6 +139,20 @@ static inline verge_decision verge_decision_make(verge_vehicle_decision* vehicle
 static inline const verge_vehicle_decision* verge_decision_of(const verge_decision* decision,
                                                               int32_t vehicle_id);
 
+/// When a vehicle first expected to arrive at a conflict area, and since when it does not use its
+/// turn there.
+typedef struct verge_turn {
+    int32_t vehicle_id;
+    int64_t arrival;  ///< [us]
+    int64_t standing; ///< [us] 0: it does not stand, or it is not its turn
+} verge_turn;
+
+/// Who waits for conflict areas. Who comes first goes first, so this is kept from step to step.
+typedef struct verge_turns {
+    uint32_t   count;
+    verge_turn of[VERGE_VEHICLES_MAX];
+} verge_turns;
+
 /// The last decision. The next one keeps its lane changes unless a better plan gains more than
 /// verge_planner_def.switch_margin. Zero-filled: there is no earlier decision. The caller keeps it
 /// from step to step; verge_decide() reads and replaces it. A commitment with counts beyond the
@@ -149,6 +163,7 @@ typedef struct verge_commitment {
     uint32_t step_count, vehicle_count;
     int32_t  vehicle_ids[VERGE_CONTROLLED_MAX];
     uint8_t  actions[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX]; ///< verge_action
+    verge_turns turns;
 } verge_commitment;
 
 typedef struct verge_decider verge_decider;

@@ -8,6 +8,7 @@
 #include "base/stage.h"
 #include "decide/search.h"
 #include "traffic/advance.h"
+#include "traffic/order.h"
 #include "traffic/pairs.h"
 
 #include <string.h>
@@ -18,6 +19,7 @@ struct verge_decider {
     vg_pairs* pairs;
     vg_model* model;
     vg_flow*  flows;    // [2] the root, and the state one step later
+    vg_order* order;    // who passes conflict areas first
     uint32_t  nodes_peak, bytes_per_node;
 };
 
@@ -58,9 +60,10 @@ static void* take(vg_arena* arena, const verge_planner_def* def)
     vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max, def->road.lane_count);
     vg_model* model = vg_arena_take(arena, sizeof *model);
     vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
+    vg_order* order = vg_order_take(arena, def->vehicles_max);
     if (self != NULL) {
         *self = (verge_decider){ .def = *def, .tree = tree, .pairs = pairs, .model = model,
-                                 .flows = flows };
+                                 .flows = flows, .order = order };
         self->def.road = (verge_road_def){ NULL, 0 };
     }
     return self;
@@ -100,6 +103,9 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
         return VERGE_ERR_CAPACITY;
     }
     vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
+    if (self->model->best) {
+        vg_order_from(self->order, self->model, &self->flows[0], scene, &commitment->turns);
+    }
     decision->utime = scene->utime;
     decision->vehicle_count = self->model->controlled_count;
     memset(&decision->search, 0, sizeof decision->search);
@@ -238,6 +244,8 @@ static void write_steps(verge_decider* self, const verge_scene* scene,
     for (uint32_t slot = 0; slot < decision->vehicle_count; ++slot) {
         decision->vehicles[slot].vehicle_id = id_of(self, scene, (int32_t)slot);
         decision->vehicles[slot].step_count = sequence->step_count;
+        decision->vehicles[slot].pass_count =
+            vg_order_passes(self->model, scene, slot, decision->vehicles[slot].passes);
         decision->vehicles[slot].why = (verge_cause){ .vehicle_id = -1, .lane_id = VERGE_NO_LANE };
         decision->vehicles[slot].pass_count = 0;
     }

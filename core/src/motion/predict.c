@@ -10,6 +10,7 @@
 #include "motion/expected.h"
 #include "motion/trailer.h"
 #include "traffic/advance.h"
+#include "traffic/order.h"
 
 #include <string.h>
 
@@ -33,6 +34,7 @@ struct verge_predictor {
     vg_flow*     flows;    // [3] at t = 0, now and one instant later
     vg_expected* expected; // [controlled_max]
     drift*       drifts;   // [vehicles_max]
+    vg_order*    order;    // who passes conflict areas first
 };
 
 static void* take(vg_arena* arena, const verge_planner_def* def);
@@ -74,8 +76,9 @@ static void* take(vg_arena* arena, const verge_planner_def* def)
     vg_flow* flows = vg_arena_take(arena, 3 * sizeof *flows);
     vg_expected* expected = vg_arena_take(arena, def->controlled_max * sizeof *expected);
     drift* drifts = vg_arena_take(arena, def->vehicles_max * sizeof *drifts);
+    vg_order* order = vg_order_take(arena, def->vehicles_max);
     if (self != NULL) {
-        *self = (verge_predictor){ *def, pairs, model, flows, expected, drifts };
+        *self = (verge_predictor){ *def, pairs, model, flows, expected, drifts, order };
         self->def.road = (verge_road_def){ NULL, 0 };
     }
     return self;
@@ -139,6 +142,9 @@ verge_status verge_predict_for(uint64_t config, verge_predictor* self, const ver
     vg_model_from(self->model, root, def, self->pairs, scene, decided);
     if (decided != 0 && !read_decision(self, scene, decision)) {
         return VERGE_ERR_DEF;
+    }
+    if (self->model->best) {
+        vg_order_decided(self->order, self->model, root, scene, decision);
     }
     tracks->count = count;
     for (uint32_t i = 0; i < count; ++i) {

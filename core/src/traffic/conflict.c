@@ -2,6 +2,7 @@
 #include "traffic/conflict.h"
 #include "base/contract.h"
 
+#include "traffic/order.h"
 #include "traffic/pairs.h"
 
 // Smallest gap between two bodies after joint actions. [m]
@@ -46,8 +47,10 @@ static void choose_moves(const vg_model* model, const vg_flow* flow, const vg_mo
 static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* to, uint32_t i,
                       uint32_t j, float x0, float x1)
 {
-    if (!model->single_axis && to->station[i] <= vg_pair_row(model, i)[j].touch) {
-        return false;
+    if (!model->single_axis
+        && (to->station[i] <= vg_pair_row(model, i)[j].touch
+            || (model->best && to->station[j] <= vg_pair_row(model, j)[i].touch))) {
+        return false; // one of them is not where their lanes come close
     }
     const float y0 = vg_gap_left(model, i, j, flow->y[i], flow->y[j]);
     const float y1 = vg_gap_left(model, i, j, to->y[i], to->y[j]);
@@ -101,6 +104,12 @@ static __attribute__((noinline)) uint32_t conflicts_in_areas(const vg_model* mod
                                                              const vg_flow* flow, const chosen* to)
 {
     uint32_t conflicts = 0;
+    if (model->order != NULL) {
+        for (uint32_t i = 0; i < model->controlled_count; ++i) {
+            conflicts |= vg_order_conflict(model, flow, to->station, i) ? 1u << i : 0u;
+        }
+        return conflicts;
+    }
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         for (uint32_t j = 0; j < model->count; ++j) {
             if (i != j && areas_conflict(model, flow, to->station, i, j)) {

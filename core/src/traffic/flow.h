@@ -118,6 +118,7 @@ typedef struct vg_model {
     /// planner expects everybody to keep the rules; simulate.c sets it.
     uint64_t lawless;
     vg_pairs* pairs;
+    struct vg_order* order; ///< who passes conflict areas first (order.h); null: nobody has said
 } vg_model;
 
 /// Model and first flow of a scene. Bit i of `controlled`: vehicles[i] has actions and takes one of

@@ -2,6 +2,7 @@
 #include "traffic/humans.h"
 #include "base/contract.h"
 
+#include "traffic/order.h"
 #include "traffic/pairs.h"
 
 // The parameters of the IDM in single precision. Constant divisors are stored as inverses.
@@ -34,7 +35,8 @@ void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, f
                     0.5f / (float)def->idm_comfort };
     for (uint32_t i = model->controlled_count; i < model->count; ++i) {
         const vg_neighbours w = vg_nearest(model, flow, i, flow->station[i], flow->y[i],
-                                           flow->station, flow->v, VG_FAR_AWAY);
+                                           flow->station, flow->v,
+                                           vg_order_wall(model, flow, i));
         const float per_desired = 1.0f / model->cruise[i];
         const float gap = w.gap_ahead - model->half_length[i];
         const float v = flow->v[i];

@@ -3,6 +3,7 @@
 
 #include "base/contract.h"
 #include "traffic/humans.h"
+#include "traffic/order.h"
 #include "traffic/pairs.h"
 
 // Half a lane change takes this long (paper, section 4). [s]
@@ -239,7 +240,9 @@ static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves
     const float half = model->half_length[slot];
     const vg_neighbours keep =
         vg_nearest(model, flow, slot, station, moves->y[0][slot], moves->station[0], moves->v[0],
-                   dead_end_ahead(model, flow, slot, station));
+                   vg_minf(dead_end_ahead(model, flow, slot, station),
+                           vg_order_wall(model, flow, slot)
+                               - (station - flow->station[slot]) * rate));
     const margins ks = margins_of(model, &keep, half, moves->v[0][slot], 0.0f);
     const margins ac = margins_of(model, &keep, half, moves->v[1][slot],
                                   (moves->station[1][slot] - station) * rate);

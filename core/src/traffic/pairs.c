@@ -2,6 +2,7 @@
 #include "traffic/pairs.h"
 
 #include "base/contract.h"
+#include "traffic/order.h"
 
 // Vehicles on merging lanes see each other from this distance before the lanes come close. [m]
 static const float merge_range = 40.0f;
@@ -51,10 +52,15 @@ void vg_pairs_update(const vg_model* model, const vg_flow* flow)
     }
 }
 
-// Vehicles on merging lanes do not see each other until the lanes come close.
+// Vehicles on merging lanes do not see each other until the lanes come close. A vehicle that goes
+// first there need not follow one that waits before the merge.
 VG_INLINE bool is_visible(const vg_model* model, const vg_flow* flow, uint32_t i, uint32_t j)
 {
-    return model->single_axis || flow->station[i] > vg_pair_row(model, i)[j].touch - merge_range;
+    const float touch = vg_pair_row(model, i)[j].touch;
+    return model->single_axis
+           || (flow->station[i] > touch - merge_range
+               && (touch == -VG_FAR_AWAY || !vg_order_cedes(model->order, i, j)
+                   || flow->station[j] > vg_pair_row(model, j)[i].touch));
 }
 
 // One search for neighbours: its inputs and its result.

@@ -1,0 +1,672 @@
+/// See order.h. Routes, areas and walls; the rank is made in rank.c.
+#include "traffic/order.h"
+
+#include "base/contract.h"
+#include "traffic/pairs.h"
+
+#include <string.h>
+
+// Areas whose entry is nearer than this, or than this time at the present speed, are ordered.
+static const float scope_distance = 60.0f; // [m]
+static const float scope_time = 8.0f;      // [s]
+// Routes are known this far beyond the scope: the room behind a crossing lies there. [m]
+static const float route_beyond = 60.0f;
+// A front waits this far before an area. Areas have half a metre or more to spare. [m]
+static const float stop_before = 1.0f;
+// Free distance between standing vehicles. [m]
+static const float standing_gap = 2.0f;
+// Slower vehicles may stand when one arrives behind them. [m/s]
+static const float slow = 2.0f;
+// A vehicle that would have to brake harder drives through. [m/s^2]
+static const float braking_last = 8.0f;
+// A box that is full binds vehicles that can still stop with this. [m/s^2]
+static const float braking_box = 3.0f;
+
+static_assert(VERGE_VEHICLES_MAX <= 255, "slots and ranks are bytes");
+
+static void find_courses(vg_order* self, const vg_model* model, const vg_flow* flow,
+                         const verge_scene* scene);
+static void find_shares(vg_order* self, const vg_model* model, const vg_flow* flow);
+static void bind(vg_order* self, const vg_model* model);
+
+// ---------------------------------------------------------------------------- memory
+
+vg_order* vg_order_take(vg_arena* arena, uint32_t vehicles_max)
+{
+    const uint32_t shares_max = vehicles_max < VG_SHARES_MAX ? vehicles_max : VG_SHARES_MAX;
+    vg_order* self = vg_arena_take(arena, sizeof *self);
+    vg_order taken = {
+        .vehicles_max = vehicles_max,
+        .shares_max = shares_max,
+        .courses = vg_arena_take(arena, vehicles_max * sizeof *taken.courses),
+        .shares = vg_arena_take(arena, (size_t)vehicles_max * shares_max * sizeof *taken.shares),
+        .before = vg_arena_take(arena, vehicles_max * sizeof *taken.before),
+        .cedes = vg_arena_take(arena, vehicles_max * sizeof *taken.cedes),
+        .rank = vg_arena_take(arena, vehicles_max * sizeof *taken.rank),
+        .through = vg_arena_take(arena, VERGE_LANES_NEAR_MAX * sizeof *taken.through),
+    };
+    if (self == NULL || arena->failed) {
+        return NULL;
+    }
+    *self = taken;
+    return self;
+}
+
+// Does the road have anything to order?
+static bool has_areas(const verge_road* road, const verge_scene* scene)
+{
+    return road->has_successors || road->conflicts_from[road->lane_count] > 0
+           || scene->signal_count > 0;
+}
+
+static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
+                        const verge_scene* scene, verge_turns* turns,
+                        const verge_decision* decision)
+{
+    VERGE_ASSERT(model->count <= self->vehicles_max);
+    model->order = self;
+    self->slots = 0;
+    self->reordered = 0;
+    if (!has_areas(model->road, scene)) {
+        if (turns != NULL) {
+            turns->count = 0;
+        }
+        return;
+    }
+    find_courses(self, model, flow, scene);
+    find_shares(self, model, flow);
+    vg_order_rank(self, model, flow, scene, turns, decision);
+    bind(self, model);
+    self->slots = model->count;
+}
+
+void vg_order_from(vg_order* self, vg_model* model, const vg_flow* flow, const verge_scene* scene,
+                   verge_turns* turns)
+{
+    order_scene(self, model, flow, scene, turns, NULL);
+}
+
+void vg_order_decided(vg_order* self, vg_model* model, const vg_flow* flow,
+                      const verge_scene* scene, const verge_decision* decision)
+{
+    order_scene(self, model, flow, scene, NULL, decision);
+}
+
+// ---------------------------------------------------------------------------- routes
+
+static bool can_stop(float v, float distance, float braking)
+{
+    return v * v <= 2.0f * braking * vg_maxf(distance, 0.0f);
+}
+
+static float scope_of(const vg_flow* flow, uint32_t slot)
+{
+    return vg_maxf(scope_distance, scope_time * flow->v[slot]);
+}
+
+static float on_leg(const vg_leg* leg, float station)
+{
+    return leg->begin + station * leg->scale;
+}
+
+static float leg_start(const vg_leg* leg, const verge_road* road)
+{
+    return on_leg(leg, (float)road->lanes[leg->lane].station_start);
+}
+
+static void add_leg(vg_course* course, const vg_lane* lane, int32_t index, float begin)
+{
+    const float stations = (float)(lane->station_end - lane->station_start);
+    const float scale = (float)lane->length / vg_maxf(stations, 1e-3f);
+    course->legs[course->leg_count++] = (vg_leg){
+        .lane = index, .begin = begin - (float)lane->station_start * scale, .scale = scale,
+    };
+}
+
+static bool passes_lane(const vg_course* course, uint32_t lane)
+{
+    bool found = false;
+    for (uint32_t k = 0; k < course->leg_count; ++k) {
+        found = found || course->legs[k].lane == (int32_t)lane;
+    }
+    return found;
+}
+
+// The lanes ahead of a slot. A ring is followed once.
+static void find_route(vg_course* course, const vg_model* model, const vg_flow* flow,
+                       uint32_t slot)
+{
+    const verge_road* road = model->road;
+    const uint32_t lane = (uint32_t)flow->lane[slot];
+    const int32_t target = slot < model->controlled_count ? model->target[slot] : -1;
+    const float reach = scope_of(flow, slot) + route_beyond;
+    add_leg(course, &road->lanes[lane], (int32_t)lane, 0.0f);
+    course->legs[0].begin -= on_leg(&course->legs[0], flow->station[slot]);
+    float end = on_leg(&course->legs[0], (float)road->lanes[lane].station_end);
+    for (vg_walk walk = vg_walk_from(road, lane, target); end < reach && vg_walk_on(&walk);) {
+        if (passes_lane(course, walk.lane)) {
+            break;
+        }
+        add_leg(course, &road->lanes[walk.lane], (int32_t)walk.lane, end);
+        end += (float)road->lanes[walk.lane].length;
+    }
+}
+
+static bool on_one_ring(const vg_model* model, uint32_t a, uint32_t b)
+{
+    return vg_local_relation(model->pairs->local, a, b)->period > 0.0f;
+}
+
+// Where the route joins a ring from outside: where bodies could first touch those on it.
+static void find_ring(vg_course* course, const vg_model* model)
+{
+    const verge_road* road = model->road;
+    course->ring_enter = VG_FAR_AWAY;
+    for (uint32_t k = 1; model->rings && k < course->leg_count; ++k) {
+        const uint32_t lane = (uint32_t)course->legs[k].lane;
+        const uint32_t before = (uint32_t)course->legs[k - 1u].lane;
+        if (!on_one_ring(model, lane, lane) || on_one_ring(model, before, before)) {
+            continue;
+        }
+        course->ring_enter = leg_start(&course->legs[k], road);
+        course->ring_lane = (int32_t)lane;
+        for (uint32_t m = road->merges_from[before]; m < road->merges_from[before + 1u]; ++m) {
+            if (on_one_ring(model, lane, road->merges[m].other)) {
+                course->ring_enter = vg_minf(course->ring_enter,
+                                             on_leg(&course->legs[k - 1u], road->merges[m].touch));
+            }
+        }
+        break;
+    }
+}
+
+static void add_box(vg_course* course, vg_box box, float room)
+{
+    vg_box* last = course->box_count > 0 ? &course->boxes[course->box_count - 1u] : NULL;
+    if (last != NULL && box.enter < last->leave + room) {
+        if (box.leave > last->leave) {
+            last->leave = box.leave;
+            last->exit_lane = box.exit_lane;
+        }
+    } else if (course->box_count < VG_BOXES_MAX) {
+        course->boxes[course->box_count++] = box;
+    }
+}
+
+// The crossings of one lane, nearest first. They are stored by the other lane, so the nearest
+// beyond the last one is searched.
+static void find_boxes(vg_course* course, const verge_road* road, float half)
+{
+    const float room = 2.0f * half + standing_gap;
+    for (uint32_t k = 0; k < course->leg_count; ++k) {
+        const vg_leg* leg = &course->legs[k];
+        const uint32_t lane = (uint32_t)leg->lane;
+        float done = -VG_FAR_AWAY;
+        for (bool more = true; more;) {
+            const vg_conflict* next = NULL;
+            for (uint32_t c = road->conflicts_from[lane]; c < road->conflicts_from[lane + 1u]; ++c) {
+                const vg_conflict* area = &road->conflicts[c];
+                if (area->from > done && (next == NULL || area->from < next->from)) {
+                    next = area;
+                }
+            }
+            more = next != NULL;
+            if (more) {
+                done = next->from;
+                const float enter = on_leg(leg, next->from), leave = on_leg(leg, next->to);
+                if (leave > -half) {
+                    add_box(course, (vg_box){ enter, leave, leg->lane }, room);
+                }
+            }
+        }
+    }
+}
+
+// The first signal ahead that stops the slot. It stops nobody who cannot stop at its line any more:
+// at red with hard braking, at yellow with comfortable braking.
+static void find_red(vg_course* course, const vg_model* model, const vg_flow* flow,
+                     const verge_scene* scene, uint32_t slot)
+{
+    course->red = VG_FAR_AWAY;
+    for (uint32_t k = 0; scene->signal_count > 0 && k < course->leg_count; ++k) {
+        const vg_leg* leg = &course->legs[k];
+        const vg_lane* lane = &model->road->lanes[leg->lane];
+        const verge_signal* signal = verge_scene_signal(scene, lane->id);
+        if (signal == NULL || signal->state == VERGE_SIGNAL_GREEN
+            || signal->state == VERGE_SIGNAL_OFF) {
+            continue;
+        }
+        const float line = on_leg(leg, (float)vg_lane_station(lane, lane->stop_line));
+        const float gap = line - model->half_length[slot];
+        const float braking = signal->state == VERGE_SIGNAL_RED ? braking_last : braking_box;
+        if (gap >= 0.0f && can_stop(flow->v[slot], gap, braking)) {
+            course->red = line;
+            course->red_lane = leg->lane;
+            return;
+        }
+    }
+}
+
+static void find_courses(vg_order* self, const vg_model* model, const vg_flow* flow,
+                         const verge_scene* scene)
+{
+    const vg_local* local = model->pairs->local;
+    memset(self->through, 0, VERGE_LANES_NEAR_MAX * sizeof self->through[0]);
+    for (uint32_t slot = 0; slot < model->count; ++slot) {
+        vg_course* course = &self->courses[slot];
+        memset(course, 0, sizeof *course);
+        find_route(course, model, flow, slot);
+        find_red(course, model, flow, scene, slot);
+        find_ring(course, model);
+        find_boxes(course, model->road, model->half_length[slot]);
+        for (uint32_t k = 0; k < course->leg_count; ++k) {
+            const uint32_t place = local->place[course->legs[k].lane];
+            if (place != VG_NOT_LOCAL) {
+                self->through[place] |= (uint64_t)1 << slot;
+            }
+        }
+    }
+}
+
+static const vg_leg* leg_of(const vg_course* course, int32_t lane)
+{
+    for (uint32_t k = 0; k < course->leg_count; ++k) {
+        if (course->legs[k].lane == lane) {
+            return &course->legs[k];
+        }
+    }
+    return NULL;
+}
+
+// Position on a route of a place on one of its lanes, or on a lane beside one.
+static float position_on(const vg_course* course, const verge_road* road, int32_t lane,
+                         float station)
+{
+    const vg_leg* leg = leg_of(course, lane);
+    for (uint32_t k = 0; leg == NULL && k < course->leg_count; ++k) {
+        if (road->lanes[course->legs[k].lane].bundle == road->lanes[lane].bundle) {
+            leg = &course->legs[k];
+        }
+    }
+    return leg != NULL ? on_leg(leg, station) : -VG_FAR_AWAY;
+}
+
+float vg_order_position(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    VERGE_ASSERT(slot < model->count);
+    return position_on(&model->order->courses[slot], model->road, flow->lane[slot],
+                       flow->station[slot]);
+}
+
+// ---------------------------------------------------------------------------- shared areas
+
+// Where more areas are shared than there is room for, the nearest ones are kept.
+static void add_share(vg_order* self, uint32_t slot, const vg_share* share)
+{
+    vg_course* course = &self->courses[slot];
+    vg_share* shares = &self->shares[slot * self->shares_max];
+    uint32_t at = course->share_count;
+    if (at == self->shares_max) {
+        if (at == 0 || shares[at - 1u].enter <= share->enter) {
+            return;
+        }
+        --at;
+    } else {
+        ++course->share_count;
+    }
+    for (; at > 0 && shares[at - 1u].enter > share->enter; --at) {
+        shares[at] = shares[at - 1u];
+    }
+    shares[at] = *share;
+}
+
+// Adds an area to both slots, as slot i sees it.
+static void share(vg_order* self, const vg_model* model, const vg_flow* flow, uint32_t i,
+                  const vg_share* area)
+{
+    const uint32_t j = area->other;
+    if (area->leave < -model->half_length[i] || area->other_leave < -model->half_length[j]
+        || area->enter > scope_of(flow, i) || area->other_enter > scope_of(flow, j)) {
+        return;
+    }
+    const vg_share back = {
+        .enter = area->other_enter, .leave = area->other_leave,
+        .other_enter = area->enter, .other_leave = area->leave,
+        .lane = area->other_lane, .other_lane = area->lane,
+        .other = (uint8_t)i, .kind = area->kind,
+    };
+    add_share(self, i, area);
+    add_share(self, j, &back);
+}
+
+// Crossings of one lane of the route of slot i with the routes of the slots after it.
+static void find_crossings(vg_order* self, const vg_model* model, const vg_flow* flow, uint32_t i,
+                           const vg_leg* leg)
+{
+    const verge_road* road = model->road;
+    const vg_local* local = model->pairs->local;
+    const uint32_t lane = (uint32_t)leg->lane;
+    for (uint32_t c = road->conflicts_from[lane]; c < road->conflicts_from[lane + 1u]; ++c) {
+        const vg_conflict* area = &road->conflicts[c];
+        const uint32_t place = local->place[area->other];
+        if (place == VG_NOT_LOCAL) {
+            continue;
+        }
+        for (uint64_t set = self->through[place] >> i >> 1; set != 0; set &= set - 1u) {
+            const uint32_t j = i + 1u + (uint32_t)__builtin_ctzll(set);
+            const vg_leg* other = leg_of(&self->courses[j], area->other);
+            const vg_share found = {
+                .enter = on_leg(leg, area->from), .leave = on_leg(leg, area->to),
+                .other_enter = on_leg(other, area->other_from),
+                .other_leave = on_leg(other, area->other_to),
+                .lane = (uint16_t)lane, .other_lane = area->other,
+                .other = (uint8_t)j, .kind = VG_SHARE_CROSS,
+            };
+            share(self, model, flow, i, &found);
+        }
+    }
+}
+
+// Station of lane `a` from which bodies on it can touch those on `b`; both lead to one lane.
+static float touch_of(const verge_road* road, uint32_t a, uint32_t b)
+{
+    for (uint32_t m = road->merges_from[a]; m < road->merges_from[a + 1u]; ++m) {
+        if (road->merges[m].other == b) {
+            return road->merges[m].touch;
+        }
+    }
+    return (float)road->lanes[a].station_end;
+}
+
+// The first lane that two routes have in common, where both come to it from different lanes.
+static void find_merge(vg_order* self, const vg_model* model, const vg_flow* flow, uint32_t i,
+                       uint32_t j)
+{
+    const vg_course *own = &self->courses[i], *others = &self->courses[j];
+    for (uint32_t p = 0; p < own->leg_count; ++p) {
+        const vg_leg* there = leg_of(others, own->legs[p].lane);
+        if (there == NULL) {
+            continue;
+        }
+        if (p == 0 || there == others->legs) {
+            return; // one of them is on it: the other follows
+        }
+        const uint32_t a = (uint32_t)own->legs[p - 1u].lane, b = (uint32_t)there[-1].lane;
+        const vg_share found = {
+            .enter = on_leg(&own->legs[p - 1u], touch_of(model->road, a, b)),
+            .leave = leg_start(&own->legs[p], model->road),
+            .other_enter = on_leg(&there[-1], touch_of(model->road, b, a)),
+            .other_leave = leg_start(there, model->road),
+            .lane = (uint16_t)a, .other_lane = (uint16_t)b,
+            .other = (uint8_t)j, .kind = VG_SHARE_MERGE,
+        };
+        share(self, model, flow, i, &found);
+        return;
+    }
+}
+
+static void find_shares(vg_order* self, const vg_model* model, const vg_flow* flow)
+{
+    const vg_local* local = model->pairs->local;
+    for (uint32_t i = 0; i < model->count; ++i) {
+        const vg_course* course = &self->courses[i];
+        uint64_t meets = 0;
+        for (uint32_t k = 0; k < course->leg_count; ++k) {
+            find_crossings(self, model, flow, i, &course->legs[k]);
+            const uint32_t place = local->place[course->legs[k].lane];
+            meets |= k > 0 && place != VG_NOT_LOCAL ? self->through[place] : 0;
+        }
+        for (uint64_t set = meets >> i >> 1; set != 0; set &= set - 1u) {
+            find_merge(self, model, flow, i, i + 1u + (uint32_t)__builtin_ctzll(set));
+        }
+    }
+}
+
+// Once the rank is known: shares with lower ranks first, and the sets of slots.
+static void bind(vg_order* self, const vg_model* model)
+{
+    for (uint32_t i = 0; i < model->count; ++i) {
+        vg_course* course = &self->courses[i];
+        vg_share* shares = &self->shares[i * self->shares_max];
+        self->before[i] = self->cedes[i] = 0;
+        for (uint32_t k = 0; k < course->share_count; ++k) {
+            const vg_share found = shares[k];
+            const uint64_t bit = (uint64_t)1 << found.other;
+            if (self->rank[found.other] > self->rank[i]) {
+                self->cedes[i] |= found.kind == VG_SHARE_MERGE ? bit : 0;
+                continue;
+            }
+            self->before[i] |= bit;
+            for (uint32_t m = k; m > course->bind_count; --m) {
+                shares[m] = shares[m - 1u];
+            }
+            shares[course->bind_count++] = found;
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------- walls
+
+// Takes the wall at `at`, before which the front of the slot waits, if it is the nearest.
+static void take_wall(vg_wall* wall, float at, float r, verge_why why, int32_t slot, int32_t lane)
+{
+    const float distance = at - stop_before - r;
+    if (distance < wall->distance) {
+        *wall = (vg_wall){ distance, why, slot, lane };
+    }
+}
+
+// Has the vehicle that goes first left the area, or is it ahead where lanes have merged?
+static bool is_clear(const vg_model* model, const vg_flow* flow, const vg_share* area, float r)
+{
+    const uint32_t j = area->other;
+    const float other = vg_order_position(model, flow, j);
+    if (area->kind == VG_SHARE_CROSS) {
+        return other == -VG_FAR_AWAY || other - model->half_length[j] > area->other_leave;
+    }
+    return other == -VG_FAR_AWAY || area->other_leave - other < area->leave - r;
+}
+
+static void wall_of_shares(const vg_model* model, const vg_flow* flow, uint32_t slot, float r,
+                           vg_wall* wall)
+{
+    const vg_order* order = model->order;
+    const vg_share* shares = &order->shares[slot * order->shares_max];
+    const float front = r + model->half_length[slot];
+    for (uint32_t k = 0; k < order->courses[slot].bind_count; ++k) {
+        const vg_share* area = &shares[k];
+        if (front < area->enter && area->enter - stop_before - r < wall->distance
+            && can_stop(flow->v[slot], area->enter - front, braking_last)
+            && !is_clear(model, flow, area, r)) {
+            take_wall(wall, area->enter, r,
+                      area->kind == VG_SHARE_CROSS ? VERGE_WHY_AREA : VERGE_WHY_MERGE,
+                      (int32_t)area->other, (int32_t)area->other_lane);
+        }
+    }
+}
+
+// Free distance behind the box for the slot, less what others ahead of it will take, and the
+// vehicle that stands there.
+static float room_behind(const vg_order* order, const vg_model* model, const vg_flow* flow,
+                         uint32_t slot, float r, const vg_box* box, int32_t* last)
+{
+    const vg_course* course = &order->courses[slot];
+    float ahead[VERGE_VEHICLES_MAX], end = VG_FAR_AWAY, taken = 0.0f;
+    *last = -1;
+    for (uint32_t k = 0; k < model->count; ++k) {
+        const vg_leg* leg = k != slot ? leg_of(course, flow->lane[k]) : NULL;
+        const float at = leg != NULL ? on_leg(leg, flow->station[k]) : -VG_FAR_AWAY;
+        const float half = model->half_length[k];
+        ahead[k] = at;
+        if (at > r && at + half > box->enter && flow->v[k] < slow && at - half < end) {
+            end = at - half;
+            *last = (int32_t)k;
+        }
+    }
+    for (uint32_t k = 0; *last >= 0 && k < model->count; ++k) {
+        if (ahead[k] > r && ahead[k] < end) {
+            taken += 2.0f * model->half_length[k] + standing_gap;
+        }
+    }
+    const vg_share* shares = &order->shares[slot * order->shares_max];
+    for (uint32_t k = 0; *last >= 0 && k < course->bind_count; ++k) {
+        const uint32_t j = shares[k].other;
+        if (shares[k].kind == VG_SHARE_MERGE && ahead[j] == -VG_FAR_AWAY) {
+            taken += 2.0f * model->half_length[j] + standing_gap;
+        }
+    }
+    return end - box->leave - taken;
+}
+
+bool vg_order_has_room(const vg_order* self, const vg_model* model, const vg_flow* flow,
+                       uint32_t slot)
+{
+    const vg_course* course = &self->courses[slot];
+    const vg_box* box = &course->boxes[0];
+    const float half = model->half_length[slot];
+    int32_t last = -1;
+    return course->box_count == 0 || box->enter - half < 0.0f
+           || room_behind(self, model, flow, slot, 0.0f, box, &last) >= 2.0f * half + standing_gap;
+}
+
+static void wall_of_boxes(const vg_model* model, const vg_flow* flow, uint32_t slot, float r,
+                          vg_wall* wall)
+{
+    const vg_course* course = &model->order->courses[slot];
+    const float half = model->half_length[slot], v = flow->v[slot];
+    for (uint32_t k = 0; k < course->box_count; ++k) {
+        const vg_box* box = &course->boxes[k];
+        const float gap = box->enter - stop_before - r - half;
+        if (gap + stop_before < 0.0f) {
+            continue; // it is in the box already
+        }
+        int32_t last = -1;
+        if (box->enter - stop_before - r < wall->distance && can_stop(v, gap, braking_box)
+            && gap < v * v + scope_distance
+            && room_behind(model->order, model, flow, slot, r, box, &last) < 2.0f * half + standing_gap) {
+            take_wall(wall, box->enter, r, VERGE_WHY_EXIT, last, box->exit_lane);
+        }
+        break; // the next box binds once this one is left behind
+    }
+}
+
+// A ring keeps a free place of one vehicle when the slot has entered.
+static void wall_of_ring(const vg_model* model, const vg_flow* flow, uint32_t slot, float r,
+                         vg_wall* wall)
+{
+    const vg_course* course = &model->order->courses[slot];
+    const float half = model->half_length[slot];
+    const float gap = course->ring_enter - stop_before - r - half;
+    if (course->ring_enter >= VG_FAR_AWAY || gap + stop_before < 0.0f || gap > scope_distance) {
+        return;
+    }
+    const uint32_t lane = (uint32_t)course->ring_lane;
+    float taken = 2.0f * (2.0f * half + standing_gap); // itself, and the free place
+    int32_t last = -1;
+    for (uint32_t k = 0; k < model->count; ++k) {
+        if (k != slot && on_one_ring(model, lane, (uint32_t)flow->lane[k])) {
+            taken += 2.0f * model->half_length[k] + standing_gap;
+            last = (int32_t)k;
+        }
+    }
+    const float ring = vg_local_relation(model->pairs->local, lane, lane)->period;
+    if (taken > ring && last >= 0) {
+        take_wall(wall, course->ring_enter, r, VERGE_WHY_EXIT, last, course->ring_lane);
+    }
+}
+
+vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    vg_wall wall = { VG_FAR_AWAY, VERGE_WHY_NONE, -1, -1 };
+    const vg_order* order = model->order;
+    if (order == NULL || order->slots == 0) {
+        return wall;
+    }
+    VERGE_ASSERT(slot < order->slots && order->slots == model->count);
+    const vg_course* course = &order->courses[slot];
+    const bool free = course->bind_count == 0 && course->box_count == 0
+                      && course->ring_enter >= VG_FAR_AWAY && course->red >= VG_FAR_AWAY;
+    const vg_leg* leg = free ? NULL : leg_of(course, flow->lane[slot]);
+    if (leg == NULL || (model->lawless >> slot & 1u) != 0) {
+        return wall;
+    }
+    const float r = on_leg(leg, flow->station[slot]);
+    if (course->red < VG_FAR_AWAY && r + model->half_length[slot] <= course->red) {
+        take_wall(&wall, course->red + stop_before, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
+    }
+    wall_of_shares(model, flow, slot, r, &wall);
+    wall_of_boxes(model, flow, slot, r, &wall);
+    wall_of_ring(model, flow, slot, r, &wall);
+    return wall;
+}
+
+float vg_order_wall(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    return vg_order_wall_why(model, flow, slot).distance;
+}
+
+bool vg_order_conflict(const vg_model* model, const vg_flow* flow, const float* station1,
+                       uint32_t i)
+{
+    const vg_order* order = model->order;
+    if (order == NULL || order->slots == 0) {
+        return false;
+    }
+    const vg_course* course = &order->courses[i];
+    const vg_leg* leg = course->bind_count > 0 ? leg_of(course, flow->lane[i]) : NULL;
+    const vg_share* shares = &order->shares[i * order->shares_max];
+    const float half = model->half_length[i];
+    for (uint32_t k = 0; leg != NULL && k < course->bind_count; ++k) {
+        const vg_share* area = &shares[k];
+        const uint32_t j = area->other;
+        const float from = on_leg(leg, flow->station[i]), to = on_leg(leg, station1[i]);
+        if (area->kind != VG_SHARE_CROSS || from + half > area->enter || to + half <= area->enter) {
+            continue;
+        }
+        const float before = position_on(&order->courses[j], model->road, flow->lane[j],
+                                         flow->station[j]);
+        const float after = position_on(&order->courses[j], model->road, flow->lane[j],
+                                        station1[j]);
+        const float reach = model->half_length[j];
+        if (after + reach > area->other_enter && before - reach < area->other_leave) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// ---------------------------------------------------------------------------- report
+
+uint32_t vg_order_passes(const vg_model* model, const verge_scene* scene, uint32_t slot,
+                         verge_pass passes[VERGE_PASSES_MAX])
+{
+    const vg_order* order = model->order;
+    uint32_t count = 0;
+    if (order == NULL || order->slots == 0) {
+        return 0;
+    }
+    const vg_share* shares = &order->shares[slot * order->shares_max];
+    for (uint32_t k = 0; k < order->courses[slot].bind_count && count < VERGE_PASSES_MAX; ++k) {
+        const vg_share* area = &shares[k];
+        const verge_pass pass = {
+            .lane_id = model->road->lanes[area->lane].id,
+            .other_lane_id = model->road->lanes[area->other_lane].id,
+            .after_id = scene->vehicles[model->input_index[area->other]].id,
+        };
+        bool latest = true; // of several vehicles on one lane the last one is named
+        for (uint32_t m = 0; m < order->courses[slot].bind_count; ++m) {
+            latest = latest
+                     && !(shares[m].lane == area->lane && shares[m].other_lane == area->other_lane
+                          && order->rank[shares[m].other] > order->rank[area->other]);
+        }
+        bool listed = false;
+        for (uint32_t m = 0; m < count; ++m) {
+            listed = listed || (passes[m].lane_id == pass.lane_id
+                                && passes[m].other_lane_id == pass.other_lane_id);
+        }
+        if (latest && !listed) {
+            passes[count++] = pass;
+        }
+    }
+    return count;
+}

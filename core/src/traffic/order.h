@@ -1,0 +1,154 @@
+/// Who passes a conflict area before whom. One total order (the rank) holds for all vehicles of a
+/// scene and for all areas, so the order has no circle. It is made at the start of a decision and
+/// stays the same during the search; vg_order_wall() says where a vehicle has to stop because of it.
+///
+/// Areas       Lanes that cross (vg_conflict), and lanes that lead to a common lane (merge). Each
+///             vehicle has a route: its lane and the lanes that continue it towards its target. Two
+///             routes share an area where one crosses or joins the other.
+/// Rank        By the time of arrival (rank.c), with these exceptions, which are facts or rules: a
+///             leader before its follower; a vehicle in an area, or one that cannot stop before it,
+///             before others; an uncontrolled vehicle before one that would not clear the area early
+///             enough. Priority rules delay the time of arrival. A vehicle keeps its first time of
+///             arrival while it waits, so waiting longer means to be earlier.
+/// Waiting     A vehicle waits before an area until all vehicles with a lower rank have left it. It
+///             also waits before a crossing while there is no room for it beyond (the box stays
+///             clear), and before a ring that it would fill completely.
+///
+/// The order cannot lock controlled vehicles that stand:
+///             (1) The rank is total, and each vehicle waits for lower ranks only, so among vehicles
+///             that wait for an area there is one that waits for nobody: the one of lowest rank.
+///             (2) It could still be held by a vehicle of higher rank that stands in its area or
+///             behind it. That vehicle entered with room beyond the area, so it drives out. A
+///             vehicle without room beyond its area ranks after all others, so nobody waits for it.
+///             (3) On a ring each vehicle is behind another one. Entering leaves a free place of one
+///             vehicle on it; this place moves backwards round the ring, and all vehicles move.
+///             Hence some vehicle moves while any waits. Vehicles and areas are finite, so all get
+///             through. Outside causes remain: an uncontrolled vehicle, an obstacle, a signal, a full
+///             exit. vg_order_reason() names them.
+///             Limit: a before b in one area and b before a in another cannot be expressed.
+#ifndef VG_ORDER_H
+#define VG_ORDER_H
+
+#include "traffic/flow.h"
+#include "verge/decision.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    VG_LEGS_MAX = VG_WALK_LANES + 1, ///< lanes of a route
+    VG_SHARES_MAX = 48,              ///< areas that one vehicle shares with others
+    VG_BOXES_MAX = 3,                ///< crossings of one route that are kept clear
+};
+
+typedef enum vg_share_kind {
+    VG_SHARE_CROSS, ///< bodies on both stretches can touch: one passes after the other
+    VG_SHARE_MERGE, ///< both lead to a common lane: one follows the other
+} vg_share_kind;
+
+/// One lane of a route. Positions on a route are metres from where the vehicle is at the root.
+typedef struct vg_leg {
+    int32_t lane;         ///< index
+    float   begin, scale; ///< [m], [1] position = begin + station * scale
+} vg_leg;
+
+/// An area that the routes of two vehicles share, as one of them sees it.
+typedef struct vg_share {
+    float    enter, leave;             ///< [m] on the own route
+    float    other_enter, other_leave; ///< [m] on the route of the other
+    uint16_t lane, other_lane;         ///< indices
+    uint8_t  other;                    ///< slot
+    uint8_t  kind;                     ///< vg_share_kind
+} vg_share;
+
+/// A stretch of a route on which nobody should stop: crossings with no room to stop between them.
+typedef struct vg_box {
+    float enter, leave; ///< [m] on the route
+    int32_t exit_lane;  ///< index of the lane at its end
+} vg_box;
+
+typedef struct vg_course {
+    vg_leg   legs[VG_LEGS_MAX];
+    vg_box   boxes[VG_BOXES_MAX];
+    uint32_t leg_count, box_count;
+    uint32_t share_count, bind_count; ///< the first bind_count shares are with lower ranks
+    float    red;                     ///< [m] stop line of the first red signal, VG_FAR_AWAY: none
+    int32_t  red_lane;                ///< index
+    float    ring_enter;              ///< [m] where the route joins a ring, VG_FAR_AWAY: nowhere
+    int32_t  ring_lane;               ///< index of the lane there
+} vg_course;
+
+typedef struct vg_order {
+    uint32_t   vehicles_max, shares_max; ///< shares_max: of one vehicle
+    uint32_t   slots;      ///< of the scene; 0: no order is needed
+    bool       of_humans;  ///< made by a simulator, to move the uncontrolled vehicles
+    vg_course* courses;    ///< [vehicles_max]
+    vg_share*  shares;     ///< [vehicles_max][shares_max] by own position, binding ones first
+    uint64_t*  before;     ///< [vehicles_max] slots (bits) that pass a shared area first
+    uint64_t*  cedes;      ///< [vehicles_max] slots (bits) on merging lanes that this one need not
+                           ///< follow: they go after it
+    uint8_t*   rank;       ///< [vehicles_max] 0: first
+    uint64_t*  through;    ///< [VERGE_LANES_NEAR_MAX] slots (bits) whose route has a near lane
+    uint32_t   reordered;  ///< circles resolved in this scene
+} vg_order;
+
+/// Takes memory for the order of def->vehicles_max vehicles. Null: it does not fit, or the arena is
+/// measuring.
+vg_order* vg_order_take(vg_arena* arena, uint32_t vehicles_max);
+
+/// The order of a scene, from the arrival times kept in `turns` (may be null: nothing is kept).
+/// It becomes model->order.
+void vg_order_from(vg_order* order, vg_model* model, const vg_flow* flow, const verge_scene* scene,
+                   verge_turns* turns);
+/// The order that a decision states: its passes are kept, the rest is by arrival.
+void vg_order_decided(vg_order* order, vg_model* model, const vg_flow* flow,
+                      const verge_scene* scene, const verge_decision* decision);
+
+/// Distance from the slot's centre along its lane to the point where its front has to stop [m];
+/// VG_FAR_AWAY: nowhere. Negative where the front is past that point. A vehicle that cannot stop
+/// there any more has no such point, so a legal action remains.
+float vg_order_wall(const vg_model* model, const vg_flow* flow, uint32_t slot);
+
+/// The same with its cause: what the wall is, and the slot that is waited for, -1 none.
+typedef struct vg_wall {
+    float     distance; ///< [m]
+    verge_why why;
+    int32_t   slot;     ///< -1 none
+    int32_t   lane;     ///< index, -1 none
+} vg_wall;
+vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t slot);
+
+/// Would slot i enter an area between two flows while a slot of lower rank is in it?
+/// station1: stations after the step.
+bool vg_order_conflict(const vg_model* model, const vg_flow* flow, const float* station1,
+                       uint32_t i);
+
+/// Need slot i follow slot j, where their lanes merge further on?
+static inline bool vg_order_cedes(const vg_order* order, uint32_t i, uint32_t j)
+{
+    return order != NULL && order->slots > 0 && (order->cedes[i] >> j & 1u) != 0;
+}
+
+/// The areas ahead of a slot and whom it passes them after. Returns their number.
+uint32_t vg_order_passes(const vg_model* model, const verge_scene* scene, uint32_t slot,
+                         verge_pass passes[VERGE_PASSES_MAX]);
+
+/// Position of a slot on its route [m]; -VG_FAR_AWAY where it has left it.
+float vg_order_position(const vg_model* model, const vg_flow* flow, uint32_t slot);
+
+/// Is there room for the slot behind the first crossing ahead of it? True within one.
+bool vg_order_has_room(const vg_order* order, const vg_model* model, const vg_flow* flow,
+                       uint32_t slot);
+
+// ---------------------------------------------------------------------------- rank.c
+
+/// Gives each slot its rank. decision: passes to keep, or null.
+void vg_order_rank(vg_order* order, const vg_model* model, const vg_flow* flow,
+                   const verge_scene* scene, verge_turns* turns, const verge_decision* decision);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,419 @@
+/// The rank of the vehicles of a scene: by arrival, within what facts and rules demand. See order.h.
+#include "traffic/order.h"
+
+#include "base/contract.h"
+#include "base/scalar.h"
+
+#include <string.h>
+
+// Comfortable acceleration from which times of arrival follow. [m/s^2]
+static const float acceleration = 1.5f;
+// A vehicle that needs harder braking to stop before an area goes first. [m/s^2]
+static const float braking_planned = 3.0f;
+// Time between a planned vehicle that leaves an area and an uncontrolled one that arrives. [s]
+static const float encroachment = 1.0f;
+// An estimate of arrival that is later by more, or earlier by more, replaces the first one. [s]
+static const double later = 3.0, earlier = 1.0;
+// Later arrival, in effect, of a lane that yields, and of one that enters a ring. [s]
+static const double yields = 4.0, enters = 4.0;
+// The same of a vehicle that has somebody from the right within right_within, where the right goes
+// first. [s]
+static const double from_right = 2.0;
+static const float right_within = 3.0f;
+// A vehicle follows its leader over a line after this time. [s]
+static const float follow_up = 2.0f;
+// A standing vehicle with its front this near before an area waits for it, others do not go. [m]
+static const float waits_within = 6.0f;
+// Standing vehicles this near behind one another are a queue. [m]
+static const float queue_gap = 8.0f;
+static const float standing = 0.3f; // [m/s]
+// A vehicle that is not planned here and does not use its turn for so long is passed over. [s]
+static const double patience_human = 3.0, patience_planned = 4.0;
+// Added to the arrival of a vehicle that was passed over, that has no room behind its area or a red
+// signal before it, or that does not move at all. [s]
+static const double passed_over = 600.0, no_room = 500.0, never = 1000.0;
+
+typedef struct ranking {
+    vg_order*       order;
+    const vg_model* model;
+    const vg_flow*  flow;
+    int32_t  leader[VERGE_VEHICLES_MAX]; // slot ahead on the route, -1 none
+    float    ahead[VERGE_VEHICLES_MAX];  // [m] from centre to centre
+    float    arrival[VERGE_VEHICLES_MAX]; // [s] at the first shared area
+    double   key[VERGE_VEHICLES_MAX];    // [s]
+    uint64_t must[VERGE_VEHICLES_MAX];   // slots (bits) that come before
+} ranking;
+
+static void find_leaders(ranking* self);
+static void find_arrivals(ranking* self);
+static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turns);
+static void find_facts(ranking* self);
+static void keep_passes(ranking* self, const verge_scene* scene, const verge_decision* decision);
+static void select_ranks(ranking* self);
+static void count_patience(const ranking* self, const verge_scene* scene, verge_turns* turns);
+
+void vg_order_rank(vg_order* order, const vg_model* model, const vg_flow* flow,
+                   const verge_scene* scene, verge_turns* turns, const verge_decision* decision)
+{
+    VERGE_ASSERT(model->count <= order->vehicles_max);
+    ranking self = { .order = order, .model = model, .flow = flow };
+    find_leaders(&self);
+    find_arrivals(&self);
+    find_keys(&self, scene, turns);
+    find_facts(&self);
+    if (decision != NULL) {
+        keep_passes(&self, scene, decision);
+    }
+    select_ranks(&self);
+    if (turns != NULL) {
+        count_patience(&self, scene, turns);
+    }
+}
+
+static const vg_share* shares_of(const ranking* self, uint32_t slot)
+{
+    return &self->order->shares[slot * self->order->shares_max];
+}
+
+// ---------------------------------------------------------------------------- leaders
+
+// On a ring everybody is ahead of everybody: only the nearest counts.
+static void find_leaders(ranking* self)
+{
+    const vg_flow* flow = self->flow;
+    for (uint32_t i = 0; i < self->model->count; ++i) {
+        const vg_course* course = &self->order->courses[i];
+        self->leader[i] = -1;
+        self->ahead[i] = VG_FAR_AWAY;
+        for (uint32_t j = 0; j < self->model->count; ++j) {
+            for (uint32_t k = 0; j != i && k < course->leg_count; ++k) {
+                const vg_leg* leg = &course->legs[k];
+                const float at = leg->begin + flow->station[j] * leg->scale;
+                if (leg->lane == flow->lane[j] && (at > 0.0f || (at == 0.0f && j < i))
+                    && at < self->ahead[i]) {
+                    self->ahead[i] = at;
+                    self->leader[i] = (int32_t)j;
+                }
+            }
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------- arrivals
+
+// Time to drive a distance from speed v, accelerating up to a limit. [s]
+static float time_to(float distance, float v, float limit)
+{
+    if (distance <= 0.0f) {
+        return 0.0f;
+    }
+    const float top = vg_maxf(limit, vg_maxf(v, 1.0f));
+    const float gaining = (top * top - v * v) / (2.0f * acceleration);
+    if (distance < gaining) {
+        return (__builtin_sqrtf(v * v + 2.0f * acceleration * distance) - v) / acceleration;
+    }
+    return (top - v) / acceleration + (distance - gaining) / top;
+}
+
+static bool is_planned(const ranking* self, uint32_t slot)
+{
+    return (slot < self->model->controlled_count) != self->order->of_humans;
+}
+
+// Arrival at the first shared area on a free road. A vehicle that is not planned here is expected to
+// keep its speed; standing away from an area it does not go.
+static float free_arrival(const ranking* self, uint32_t slot)
+{
+    const float v = self->flow->v[slot];
+    const float distance = shares_of(self, slot)->enter - self->model->half_length[slot];
+    if (slot < self->model->controlled_count) {
+        return time_to(distance, v, self->flow->limit[slot]);
+    }
+    if (v < standing) {
+        return distance < waits_within ? 0.0f : VG_FAR_AWAY;
+    }
+    return vg_maxf(distance, 0.0f) / v;
+}
+
+// Arrival behind the leader, who is before the area as well.
+static float arrival_behind(const ranking* self, uint32_t slot, float own)
+{
+    const int32_t lead = self->leader[slot];
+    const float enter = shares_of(self, slot)->enter;
+    if (lead < 0 || self->ahead[slot] - self->model->half_length[lead] > enter) {
+        return own;
+    }
+    const uint32_t j = (uint32_t)lead;
+    const float gap = self->ahead[slot] - self->model->half_length[slot]
+                      - self->model->half_length[j];
+    const float left = enter - self->ahead[slot]; // of the leader, to this area
+    const float v = self->flow->v[j];
+    float theirs = self->order->courses[j].share_count > 0 ? self->arrival[j] : VG_FAR_AWAY;
+    if (theirs >= VG_FAR_AWAY && (v >= standing || j < self->model->controlled_count)) {
+        theirs = j < self->model->controlled_count ? time_to(left, v, self->flow->limit[j])
+                                                   : vg_maxf(left, 0.0f) / v;
+    }
+    if (own >= VG_FAR_AWAY && gap < queue_gap) {
+        own = 0.0f; // it stands because of its leader
+    }
+    return theirs >= VG_FAR_AWAY || own >= VG_FAR_AWAY ? VG_FAR_AWAY
+                                                       : vg_maxf(own, theirs + follow_up);
+}
+
+static void find_arrivals(ranking* self)
+{
+    float alone[VERGE_VEHICLES_MAX];
+    for (uint32_t i = 0; i < self->model->count; ++i) {
+        const bool shares = self->order->courses[i].share_count > 0;
+        alone[i] = self->arrival[i] = shares ? free_arrival(self, i) : VG_FAR_AWAY;
+    }
+    bool more = true;
+    for (uint32_t round = 0; more && round < self->model->count; ++round) {
+        more = false;
+        for (uint32_t i = 0; i < self->model->count; ++i) {
+            if (self->order->courses[i].share_count > 0) {
+                const float arrival = arrival_behind(self, i, alone[i]);
+                more = more || arrival != self->arrival[i];
+                self->arrival[i] = arrival;
+            }
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------- keys
+
+static verge_turn* turn_of(verge_turns* turns, int32_t id)
+{
+    for (uint32_t k = 0; turns != NULL && k < turns->count; ++k) {
+        if (turns->of[k].vehicle_id == id) {
+            return &turns->of[k];
+        }
+    }
+    return NULL;
+}
+
+static float legs_begin(const vg_course* course, const verge_road* road, uint32_t k)
+{
+    const vg_leg* leg = &course->legs[k];
+    return leg->begin + (float)road->lanes[leg->lane].station_start * leg->scale;
+}
+
+// The priority that a vehicle has in an area: that of the last lane before it that has one.
+static verge_priority priority_at(const ranking* self, uint32_t slot, float enter)
+{
+    const verge_road* road = self->model->road;
+    const vg_course* course = &self->order->courses[slot];
+    verge_priority found = VERGE_PRIORITY_NONE;
+    int32_t before = vg_lane_before(road, (uint32_t)course->legs[0].lane);
+    if (before >= 0) {
+        found = road->lanes[before].priority;
+    }
+    for (uint32_t k = 0; k < course->leg_count && legs_begin(course, road, k) <= enter; ++k) {
+        const verge_priority here = road->lanes[course->legs[k].lane].priority;
+        found = here != VERGE_PRIORITY_NONE ? here : found;
+    }
+    return found;
+}
+
+static bool must_yield(verge_priority priority)
+{
+    return priority == VERGE_PRIORITY_MINOR || priority == VERGE_PRIORITY_STOP;
+}
+
+// Is there a vehicle from the right that arrives at about the same time?
+static bool has_right(const ranking* self, uint32_t slot)
+{
+    const verge_road* road = self->model->road;
+    const vg_share* shares = shares_of(self, slot);
+    const vg_reference own = vg_lane_at(&road->lanes[self->flow->lane[slot]],
+                                        vg_flow_s(self->model, self->flow, slot));
+    bool found = false;
+    for (uint32_t k = 0; k < self->order->courses[slot].share_count; ++k) {
+        const uint32_t j = shares[k].other;
+        const vg_reference other =
+            vg_lane_at(&road->lanes[self->flow->lane[j]], vg_flow_s(self->model, self->flow, j));
+        const double left =
+            own.cos_heading * other.sin_heading - own.sin_heading * other.cos_heading;
+        found = found || (left > 0.5 && self->arrival[j] < self->arrival[slot] + right_within);
+    }
+    return found;
+}
+
+static double delay_by_rule(const ranking* self, uint32_t slot)
+{
+    const float enter = shares_of(self, slot)->enter;
+    const verge_priority priority = priority_at(self, slot, enter);
+    double delay = must_yield(priority) ? yields : 0.0;
+    if (priority == VERGE_PRIORITY_RIGHT_BEFORE_LEFT && has_right(self, slot)) {
+        delay += from_right;
+    }
+    return delay + (self->order->courses[slot].ring_enter < VG_FAR_AWAY ? enters : 0.0);
+}
+
+// The time of arrival that counts: the first one, unless the vehicle is much later or earlier.
+static double kept_arrival(double arrival, int64_t utime, const verge_turn* before)
+{
+    if (before == NULL) {
+        return arrival;
+    }
+    const double first = vg_seconds_between(utime, before->arrival);
+    return arrival - first > later || arrival < first - earlier ? arrival : first;
+}
+
+static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turns)
+{
+    verge_turns kept = { 0 };
+    for (uint32_t i = 0; i < self->model->count; ++i) {
+        const int32_t id = scene->vehicles[self->model->input_index[i]].id;
+        const verge_turn* before = turn_of(turns, id);
+        self->key[i] = never;
+        if (self->order->courses[i].share_count == 0 || self->arrival[i] >= VG_FAR_AWAY) {
+            continue;
+        }
+        const double arrival = kept_arrival((double)self->arrival[i], scene->utime, before);
+        verge_turn turn = { .vehicle_id = id, .arrival = scene->utime + (int64_t)(arrival * 1e6) };
+        self->key[i] = arrival + delay_by_rule(self, i);
+        if (before != NULL && before->standing != 0 && self->flow->v[i] < standing) {
+            turn.standing = before->standing;
+            const double patience = self->order->of_humans ? patience_planned : patience_human;
+            const bool late = vg_seconds_between(turn.standing, scene->utime) > patience;
+            self->key[i] += late ? passed_over : 0.0;
+        }
+        if (self->order->courses[i].red < shares_of(self, i)->enter
+            || !vg_order_has_room(self->order, self->model, self->flow, i)) {
+            self->key[i] += no_room;
+        }
+        kept.of[kept.count++] = turn;
+    }
+    if (turns != NULL) {
+        *turns = kept;
+    }
+}
+
+// ---------------------------------------------------------------------------- facts
+
+enum { FREE, COMMITTED, INSIDE };
+
+static uint32_t grade(const ranking* self, uint32_t slot, float enter)
+{
+    const float v = self->flow->v[slot];
+    const float distance = enter - self->model->half_length[slot];
+    return distance <= 0.0f                                ? INSIDE
+           : v * v > 2.0f * braking_planned * distance ? COMMITTED
+                                                           : FREE;
+}
+
+// Has the other vehicle to go first in this area, whatever their times are?
+static bool goes_first(const ranking* self, uint32_t i, const vg_share* area)
+{
+    const uint32_t j = area->other;
+    const uint32_t own = grade(self, i, area->enter), other = grade(self, j, area->other_enter);
+    if (own != other || own == FREE) {
+        return other > own;
+    }
+    const float v = vg_maxf(self->flow->v[i], 0.5f), v_other = vg_maxf(self->flow->v[j], 0.5f);
+    float mine = area->leave, theirs = area->other_leave;
+    if (area->kind == VG_SHARE_CROSS) {
+        mine = (own == INSIDE ? area->leave : area->enter) / v;
+        theirs = (own == INSIDE ? area->other_leave : area->other_enter) / v_other;
+    }
+    return theirs < mine || (theirs == mine && j < i);
+}
+
+// Would a planned vehicle be in the way of one that is not, and that keeps its speed?
+static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
+{
+    const uint32_t j = area->other;
+    const float v = self->flow->v[j];
+    if (self->order->of_humans || !is_planned(self, i) || is_planned(self, j) || v < standing
+        || grade(self, i, area->enter) != FREE) {
+        return false;
+    }
+    if (must_yield(priority_at(self, j, area->other_enter))
+        && !must_yield(priority_at(self, i, area->enter))) {
+        return false;
+    }
+    const float half = self->model->half_length[i], half_j = self->model->half_length[j];
+    const float clear = time_to(area->leave + half, self->flow->v[i], self->flow->limit[i]);
+    return clear + encroachment > (area->other_enter - half_j) / v;
+}
+
+static void find_facts(ranking* self)
+{
+    for (uint32_t i = 0; i < self->model->count; ++i) {
+        const vg_share* shares = shares_of(self, i);
+        self->must[i] = self->leader[i] >= 0 ? (uint64_t)1 << self->leader[i] : 0;
+        for (uint32_t k = 0; k < self->order->courses[i].share_count; ++k) {
+            if (goes_first(self, i, &shares[k]) || is_in_the_way(self, i, &shares[k])) {
+                self->must[i] |= (uint64_t)1 << shares[k].other;
+            }
+        }
+    }
+}
+
+// The order that a decision states for its vehicles and the others.
+static void keep_passes(ranking* self, const verge_scene* scene, const verge_decision* decision)
+{
+    for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
+        const verge_vehicle_decision* own =
+            verge_decision_of(decision, scene->vehicles[self->model->input_index[i]].id);
+        const vg_share* shares = shares_of(self, i);
+        for (uint32_t k = 0; own != NULL && k < self->order->courses[i].share_count; ++k) {
+            const uint32_t j = shares[k].other;
+            const int32_t other = scene->vehicles[self->model->input_index[j]].id;
+            for (uint32_t m = 0; m < own->pass_count && m < VERGE_PASSES_MAX; ++m) {
+                self->must[i] |= own->passes[m].after_id == other ? (uint64_t)1 << j : 0;
+            }
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------- ranks
+
+// The next vehicle: the earliest one of those whose predecessors have a rank. Where facts contradict
+// one another, none is left, and the earliest of all is next.
+static uint32_t next_of(const ranking* self, uint64_t left)
+{
+    int32_t best = -1;
+    bool best_free = false;
+    for (uint64_t set = left; set != 0; set &= set - 1u) {
+        const uint32_t i = (uint32_t)__builtin_ctzll(set);
+        const bool free = (self->must[i] & left) == 0;
+        if (best < 0 || (free && !best_free)
+            || (free == best_free && self->key[i] < self->key[best])) {
+            best = (int32_t)i;
+            best_free = free;
+        }
+    }
+    VERGE_ASSERT(best >= 0);
+    return (uint32_t)best;
+}
+
+static void select_ranks(ranking* self)
+{
+    const uint32_t count = self->model->count;
+    uint64_t left = count == 64u ? ~(uint64_t)0 : ((uint64_t)1 << count) - 1u;
+    for (uint8_t rank = 0; left != 0; ++rank) {
+        const uint32_t i = next_of(self, left);
+        self->order->rank[i] = rank;
+        left &= ~((uint64_t)1 << i);
+    }
+}
+
+// Since when does a vehicle that is not planned here stand though it is its turn?
+static void count_patience(const ranking* self, const verge_scene* scene, verge_turns* turns)
+{
+    for (uint32_t i = 0; i < self->model->count; ++i) {
+        const int32_t id = scene->vehicles[self->model->input_index[i]].id;
+        verge_turn* turn = turn_of(turns, id);
+        if (turn == NULL || is_planned(self, i) || turn->standing != 0
+            || self->flow->v[i] >= standing) {
+            continue;
+        }
+        bool first = true;
+        for (uint32_t k = 0; k < self->order->courses[i].share_count; ++k) {
+            first = first && self->order->rank[shares_of(self, i)[k].other] > self->order->rank[i];
+        }
+        turn->standing = first ? scene->utime : 0;
+    }
+}

@@ -293,7 +293,7 @@ static void row_from_json(const json_at* at, scenario_row* row)
     const cJSON* node = at->node->child;
     for (uint32_t i = 0; i < 5; i++, node = node->next) {
         const json_at value = json_element(at, node, i);
-        values[i] = json_as_double(&value, i == 4 ? 0.0 : -limits[i], limits[i]);
+        values[i] = json_as_double(&value, i == 4 ? VERGE_LIMIT_SPEED_MIN : -limits[i], limits[i]);
     }
     *row = (scenario_row){ .t = values[0], .x = values[1], .y = values[2],
                            .heading = wrap_angle(values[3]), .speed = values[4] };
@@ -378,14 +378,9 @@ static bool has_lane(const verge_road_def* road, int32_t lane_id)
     return false;
 }
 
-/// Maps to (-pi, pi]; |angle| <= 4 pi. An angle inside is returned unchanged.
+/// Maps to (-pi, pi]. An angle inside is returned unchanged.
 static double wrap_angle(double angle)
 {
-    while (angle > PI) {
-        angle -= 2.0 * PI;
-    }
-    while (angle <= -PI) {
-        angle += 2.0 * PI;
-    }
-    return angle;
+    const double turn = remainder(angle, 2.0 * PI);
+    return turn <= -PI ? PI : turn;
 }

@@ -10,7 +10,7 @@ static const verge_vehicle_limit limits[] = {
     BOTH_SIGNS(x, "m", VERGE_LIMIT_POSITION, false),
     BOTH_SIGNS(y, "m", VERGE_LIMIT_POSITION, false),
     BOTH_SIGNS(heading, "rad", VERGE_LIMIT_HEADING, false),
-    ROW(speed, "m/s", 0.0, VERGE_LIMIT_SPEED, false),
+    ROW(speed, "m/s", VERGE_LIMIT_SPEED_MIN, VERGE_LIMIT_SPEED, false),
     BOTH_SIGNS(acceleration, "m/s^2", VERGE_LIMIT_ACCELERATION, false),
     BOTH_SIGNS(yaw_rate, "rad/s", VERGE_LIMIT_YAW_RATE, true),
     ROW(length, "m", VERGE_LIMIT_LENGTH_MIN, VERGE_LIMIT_LENGTH_MAX, false),

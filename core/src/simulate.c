@@ -63,7 +63,7 @@ static verge_lane_position position_of(const verge_road* road, const verge_vehic
     if (verge_road_check_vehicle(road, v, NULL) != VERGE_OK) {
         return (verge_lane_position){ .lane_id = VERGE_NO_LANE };
     }
-    return verge_road_project(road, v->x, v->y, v->heading, VERGE_NO_LANE);
+    return verge_road_project(road, v->x, v->y, vg_wrap_angle(v->heading), VERGE_NO_LANE);
 }
 
 static void move(verge_humans* self, const vg_flow* next, uint32_t slot, double dt)
@@ -74,10 +74,15 @@ static void move(verge_humans* self, const vg_flow* next, uint32_t slot, double 
     const int32_t lane = vg_road_lane_index(scene->road, on->lane_id);
     verge_vehicle* v = &scene->vehicles[i];
     VERGE_ASSERT(lane >= 0);
-    const double speed = (double)next->v[slot];
-    const vg_reference at =
-        vg_road_at(scene->road, (uint32_t)lane, -1, on->s + 0.5 * (v->speed + speed) * dt);
-    const double heading = vg_atan2(at.sin_heading, at.cos_heading);
+    // A vehicle that faces back does not begin to drive backwards.
+    const bool back = self->model->faces_back[slot];
+    const bool reverses = back && v->speed < 0.0;
+    const double along = (double)next->v[slot];
+    const double speed = !back ? along : reverses ? -along : vg_max(-along, 0.0);
+    const double way = (back ? -0.5 : 0.5) * (v->speed + speed) * dt;
+    const vg_reference at = vg_road_at(scene->road, (uint32_t)lane, -1, on->s + way);
+    const double line = vg_atan2(at.sin_heading, at.cos_heading);
+    const double heading = back ? vg_wrap_angle(line + VG_PI) : line;
     v->x = at.x - on->d * at.sin_heading;
     v->y = at.y + on->d * at.cos_heading;
     v->yaw_rate = vg_wrap_angle(heading - v->heading) / dt;

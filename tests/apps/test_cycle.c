@@ -385,7 +385,7 @@ static verge_vehicle_state_t spoil(test_rng* rng, verge_vehicle_state_t state)
     switch (test_rng_below(rng, 11)) {
     case 0: state.x = bad; break;
     case 1: state.y = bad; break;
-    case 2: state.heading = (float)bad; break;
+    case 2: state.heading = INFINITY; break;
     case 3: state.speed = (float)bad; break;
     case 4: state.acceleration = (float)bad; break;
     case 5: state.length = (float)bad; break;
@@ -462,7 +462,7 @@ static void test_each_refusal_is_counted_by_its_name(void** state)
     state_of_0 = state_at(0, 1.1, true);
     offer(self, &state_of_0, 4.0);
     assert_int_equal(rx->rx_stale, 1);
-    state_of_0.speed = -1.0f;
+    state_of_0.speed = -15.5f;
     offer(self, &state_of_0, 1.1);
     assert_int_equal(rx->rx_out_of_range, 1);
     state_of_0 = state_at(0, 1.1, true);

@@ -272,7 +272,7 @@ static void test_values_are_checked(void** state)
     refused("1, \"right\": null, \"successors\": [] },\n    { \"id\": 1",
             "null },\n    { \"id\": 0", ".id: ");
     refused("\"controlled\"", "\"robot\"", "vehicles[0].control: is \"robot\", expected");
-    refused("\"speed\": 15.0", "\"speed\": -1.0", "vehicles[0].speed: is -1, expected");
+    refused("\"speed\": 15.0", "\"speed\": -15.5", "vehicles[0].speed: is -15.5, expected");
     refused("\"speed\": 15.0", "\"speed\": \"15\"", "vehicles[0].speed: is a string, expected");
     refused("\"target_lane\": 0", "\"target_lane\": 5", "vehicles[0].target_lane: is lane 5");
     refused("\"aggressive\"", "\"calm\"", "vehicles[0].habit: is \"calm\", expected");

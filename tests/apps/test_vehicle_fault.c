@@ -21,11 +21,11 @@ static void a_fault_names_field_value_and_range(void** state)
     (void)state;
     verge_vehicle vehicle = verge_vehicle_default();
     vehicle.speed = 71.5;
-    says(&vehicle, "speed is 71.5 m/s, expected 0 to 70 m/s");
+    says(&vehicle, "speed is 71.5 m/s, expected -15 to 70 m/s");
     vehicle.speed = NAN;
-    says(&vehicle, "speed is not a number, expected 0 to 70 m/s");
+    says(&vehicle, "speed is not a number, expected -15 to 70 m/s");
     vehicle.speed = INFINITY;
-    says(&vehicle, "speed is infinite, expected 0 to 70 m/s");
+    says(&vehicle, "speed is infinite, expected -15 to 70 m/s");
     vehicle.speed = 0.0;
     vehicle.id = -3;
     says(&vehicle, "id is -3, expected 0 to 2147483647");

@@ -213,8 +213,8 @@ SPOIL(x_nan, vehicle->x = NAN)
 SPOIL(x_far, vehicle->x = 1.1e7)
 SPOIL(y_infinite, vehicle->y = -INFINITY)
 SPOIL(heading_nan, vehicle->heading = NAN)
-SPOIL(heading_large, vehicle->heading = 7.0)
-SPOIL(speed_negative, vehicle->speed = -0.1)
+SPOIL(heading_infinite, vehicle->heading = INFINITY)
+SPOIL(speed_negative, vehicle->speed = -15.1)
 SPOIL(speed_nan, vehicle->speed = NAN)
 SPOIL(speed_large, vehicle->speed = 71.0)
 SPOIL(acceleration_nan, vehicle->acceleration = NAN)
@@ -243,7 +243,7 @@ SPOIL(jerk_nan, vehicle->habit.weights.jerk = NAN)
 SPOIL(obstacle_large, vehicle->habit.weights.obstacle = 1e7)
 
 static spoil* const spoils[] = {
-    id_negative, x_nan, x_far, y_infinite, heading_nan, heading_large, speed_negative, speed_nan,
+    id_negative, x_nan, x_far, y_infinite, heading_nan, heading_infinite, speed_negative, speed_nan,
     speed_large, acceleration_nan, acceleration_large, yaw_infinite, yaw_large, length_nan,
     length_small, length_large, width_nan, width_small, width_large, margin_nan, margin_negative,
     margin_large, target_unknown, target_negative, cooperation_nan, cooperation_large,

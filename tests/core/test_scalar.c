@@ -97,6 +97,14 @@ static void test_wrapped_angles_lie_in_the_half_open_turn(void** state)
         CHECK_NEAR(sin(wrapped), sin(x), 1e-12);
         CHECK_NEAR(cos(wrapped), cos(x), 1e-12);
     }
+    const double vast[] = { 1e6 + 1.0, -3e7, 1e15, -1e100, 1.7976931348623157e308 };
+    for (uint32_t i = 0; i < sizeof vast / sizeof vast[0]; ++i) {
+        const double wrapped = vg_wrap_angle(vast[i]);
+        assert_true(wrapped > -VG_PI && wrapped <= VG_PI);
+        if (fabs(vast[i]) < 1e8) { // beyond, the digits of pi after a double's decide
+            CHECK_NEAR(sin(wrapped), sin(vast[i]), 1e-8);
+        }
+    }
     CHECK_SAME_BITS(vg_wrap_angle(VG_PI), VG_PI);
     CHECK_SAME_BITS(vg_wrap_angle(-VG_PI), VG_PI);
     CHECK_SAME_BITS(vg_wrap_angle(3.0 * VG_PI), VG_PI);

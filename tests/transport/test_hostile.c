@@ -225,7 +225,7 @@ static void test_an_attacker_with_the_checksum_still_meets_the_ranges(void** sta
                 CHECK_BETWEEN(v->x, -1e7, 1e7);
                 CHECK_BETWEEN(v->y, -1e7, 1e7);
                 CHECK_BETWEEN(v->heading, -3.1415927, 3.1415927);
-                CHECK_BETWEEN(v->speed, 0.0, 70.0);
+                CHECK_BETWEEN(v->speed, -15.0, 70.0);
                 CHECK_BETWEEN(v->acceleration, -30.0, 30.0);
                 CHECK_BETWEEN(v->length, 0.5, 30.0);
                 CHECK_BETWEEN(v->habit.cooperation, 0.0, 1.0);
@@ -260,7 +260,7 @@ static void test_a_forged_plan_that_is_accepted_has_finite_values(void** state)
             const uint32_t count = wire_points_from_plan(&message.as.plan, points);
             for (uint32_t i = 0; i < count; ++i) {
                 CHECK_BETWEEN(points[i].x, -1e7, 1e7);
-                CHECK_BETWEEN(points[i].speed, 0.0, 70.0);
+                CHECK_BETWEEN(points[i].speed, -15.0, 70.0);
                 CHECK_BETWEEN(points[i].jerk, -60000.0, 60000.0);
             }
         }

@@ -339,6 +339,28 @@ static void test_projection_agrees_with_driving_in_small_steps(void** state)
     }
 }
 
+static void test_a_reversing_vehicle_goes_on_backwards_and_never_turns_round(void** state)
+{
+    (void)state;
+    verge_vehicle_state_t back = car(1, start);
+    back.speed = -5.0f;
+    back.acceleration = 0.0f;
+    back.heading = 7.0f;
+    assert_int_equal(offer(back, start), INBOX_ACCEPTED);
+    verge_vehicle v = wire_vehicle_from_state(&back);
+    CHECK_NEAR(v.heading, 7.0 - 6.283185307179586, 1e-6);
+    v = (verge_vehicle){ .speed = -5.0, .yaw_rate = NAN };
+    inbox_project(&v, 0.2);
+    CHECK_NEAR(v.x, -1.0, 1e-9);
+    v = (verge_vehicle){ .speed = -1.0, .acceleration = 10.0, .yaw_rate = NAN };
+    inbox_project(&v, 0.3);
+    CHECK_NEAR(v.x, -0.05, 1e-9);
+    CHECK_NEAR(v.speed, 0.0, 0.0);
+    v = (verge_vehicle){ .speed = -14.0, .acceleration = -30.0, .yaw_rate = NAN };
+    inbox_project(&v, 1.0);
+    CHECK_NEAR(v.speed, -15.0, 0.0);
+}
+
 static void test_a_braking_vehicle_stops_and_stays_at_rest(void** state)
 {
     (void)state;
@@ -573,6 +595,7 @@ int main(void)
         TEST(test_a_cancellation_is_sent_exactly_once),
         TEST(test_surplus_vehicles_are_obstacles_and_the_planned_keep_their_places),
         TEST(test_projection_agrees_with_driving_in_small_steps),
+        TEST(test_a_reversing_vehicle_goes_on_backwards_and_never_turns_round),
         TEST(test_a_braking_vehicle_stops_and_stays_at_rest),
         TEST(test_no_projection_is_faster_than_a_car),
         TEST(test_a_refused_state_changes_only_its_counter),

@@ -238,9 +238,13 @@ void inbox_project(verge_vehicle* vehicle, double dt)
     double       moving = dt;
     double       speed_end = speed + acceleration * dt;
     double       acceleration_end = acceleration;
-    if (speed_end < 0.0) { // it stood still for a part of the time; acceleration is not zero
+    const bool   turned = speed < 0.0 ? speed_end > 0.0 : speed_end < 0.0;
+    if (turned) { // it stood still for a part of the time; acceleration is not zero
         moving = -speed / acceleration;
         speed_end = 0.0;
+        acceleration_end = 0.0;
+    } else if (speed_end < vg_min(speed, VERGE_LIMIT_SPEED_MIN)) { // no vehicle is that fast
+        speed_end = vg_min(speed, VERGE_LIMIT_SPEED_MIN);
         acceleration_end = 0.0;
     } else if (speed_end > vg_max(speed, VERGE_SPEED_MAX)) { // no vehicle is that fast
         speed_end = vg_max(speed, VERGE_SPEED_MAX);
@@ -362,7 +366,7 @@ static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_stat
         return INBOX_OUT_OF_ORDER;
     }
     const double dt = (double)(state->utime - held->utime) / 1e6;
-    const double speed = vg_max((double)state->speed, (double)held->speed);
+    const double speed = vg_max(vg_abs((double)state->speed), vg_abs((double)held->speed));
     const double reach = speed * dt + self->limits.jump_m;
     return dx * dx + dy * dy <= reach * reach ? INBOX_ACCEPTED : INBOX_ID_CONFLICT;
 }
@@ -384,7 +388,8 @@ static bool on_map(const verge_road* road, const verge_vehicle_state_t* state)
         return true;
     }
     const verge_lane_position position =
-        verge_road_project(road, state->x, state->y, (double)state->heading, VERGE_NO_LANE);
+        verge_road_project(road, state->x, state->y, vg_wrap_angle((double)state->heading),
+                           VERGE_NO_LANE);
     return position.lane_id != VERGE_NO_LANE;
 }
 

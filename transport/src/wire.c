@@ -3,6 +3,8 @@
 
 #include "verge/message.h"
 
+#include "base/scalar.h" // core's angles: a replay gives the same bits on every machine
+
 #include <assert.h>
 #include <math.h>
 #include <string.h>
@@ -53,7 +55,7 @@ verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state)
     vehicle.controlled = state->controlled != 0;
     vehicle.x = state->x;
     vehicle.y = state->y;
-    vehicle.heading = (double)state->heading;
+    vehicle.heading = vg_wrap_angle((double)state->heading);
     vehicle.speed = (double)state->speed;
     vehicle.acceleration = (double)state->acceleration;
     vehicle.yaw_rate = (double)state->yaw_rate;

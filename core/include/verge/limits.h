@@ -1,7 +1,7 @@
 /// The ranges of the quantities of a vehicle: one table for messages, files and planner.
 ///
 ///     verge_vehicle_fault fault;
-///     if (!verge_vehicle_check(&vehicle, &fault)) ... "speed is 71 m/s, expected 0 to 70 m/s"
+///     if (!verge_vehicle_check(&vehicle, &fault)) ... "speed is 71 m/s, expected -15 to 70 m/s"
 ///
 /// A value out of its range is impossible for a road vehicle: a unit is wrong or a message is
 /// damaged. Both ends belong to the range. The limits of a single body, such as its largest
@@ -16,8 +16,9 @@ extern "C" {
 #endif
 
 #define VERGE_LIMIT_POSITION 1e7               ///< [m] of x and y, both signs
-#define VERGE_LIMIT_HEADING 6.283185307179586  ///< [rad] both signs; messages: pi
+#define VERGE_LIMIT_HEADING 1.7976931348623157e308 ///< [rad] any finite angle: it is normalised
 #define VERGE_LIMIT_SPEED 70.0                 ///< [m/s]
+#define VERGE_LIMIT_SPEED_MIN -15.0            ///< [m/s] of a vehicle that moves backwards
 #define VERGE_LIMIT_ACCELERATION 30.0          ///< [m/s^2] both signs; only collisions exceed it
 #define VERGE_LIMIT_YAW_RATE 5.0               ///< [rad/s] both signs
 #define VERGE_LIMIT_LENGTH_MIN 0.5             ///< [m]

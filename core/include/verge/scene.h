@@ -40,8 +40,10 @@ typedef struct verge_scene {
     uint32_t             vehicle_count;
     uint32_t             vehicles_max;  ///< length of both arrays
     verge_vehicle*       vehicles;      ///< ascending ids
-    /// Position of vehicles[i]. lane_id VERGE_NO_LANE: the vehicle is on no lane, or heads against
-    /// its lane. Such a vehicle takes no part in the decision and is predicted straight ahead.
+    /// Position of vehicles[i]. lane_id VERGE_NO_LANE: the vehicle is on no lane. Such a vehicle
+    /// takes no part in the decision and is predicted straight ahead. A vehicle that faces against
+    /// its lane or moves backwards is an obstacle for others, with its motion along the lane; if it
+    /// is controlled, it gets no decision and brakes.
     verge_lane_position* positions;
     uint32_t             signal_count;  ///< lanes with a signal, usually 0
     const verge_signal*  signals;       ///< ascending lane ids, one a lane; null where there is none

@@ -28,7 +28,7 @@ typedef struct verge_track {
     double   half_length, half_width; ///< [m] of the body, grown by the vehicle's margin
     double   x[VERGE_POINTS_MAX], y[VERGE_POINTS_MAX];                     ///< [m] centre
     double   cos_heading[VERGE_POINTS_MAX], sin_heading[VERGE_POINTS_MAX]; ///< [1]
-    double   speed[VERGE_POINTS_MAX];                                      ///< [m/s]
+    double   speed[VERGE_POINTS_MAX]; ///< [m/s] along the heading, below 0: backwards
 } verge_track;
 
 /// One track for each vehicle of a scene, in the order of the scene, then one for each trailer. The

@@ -86,8 +86,8 @@ typedef struct verge_vehicle {
     int32_t id;             ///< >= 0, unique in a step
     bool    controlled;     ///< true: verge plans it (the paper's AV); false: verge predicts it
     double  x, y;           ///< [m] centre of the body
-    double  heading;        ///< [rad]
-    double  speed;          ///< [m/s] >= 0, of the centre
+    double  heading;        ///< [rad] any finite angle
+    double  speed;          ///< [m/s] of the centre along the heading; below 0: it moves backwards
     double  acceleration;   ///< [m/s^2] along the path
     double  yaw_rate;       ///< [rad/s] NaN: unknown, taken as 0; also taken as 0 below 2 m/s
     double  length, width;  ///< [m] 0.5 .. 30, 0.3 .. 4

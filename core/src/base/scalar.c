@@ -135,15 +135,31 @@ double vg_log(double x)
     return e * ln2_high - ((half_square - (s * (half_square + rest) + e * ln2_low)) - f);
 }
 
+// x less whole turns, by long division: each difference is exact. Such an angle is known to no
+// better than its last digit, so that the digits of pi beyond a double do not matter.
+static double remainder_of_turn(double x)
+{
+    const double turn = 2.0 * VG_PI;
+    double rest = vg_abs(x), step = turn;
+    while (step <= 0.5 * rest) {
+        step *= 2.0;
+    }
+    for (; step >= turn; step *= 0.5) {
+        rest = rest >= step ? rest - step : rest;
+    }
+    return x < 0.0 ? -rest : rest;
+}
+
 double vg_wrap_angle(double x)
 {
-    VERGE_ASSERT(x >= -1e6 && x <= 1e6);
+    VERGE_ASSERT(vg_finite(x));
     if (x > -VG_PI && x <= VG_PI) {
         return x;
     }
     int32_t k;
     double tail;
-    const double r = reduce(x, two_pi, &tail, &k);
+    const double near = vg_abs(x) <= 1e6 ? x : remainder_of_turn(x);
+    const double r = reduce(near, two_pi, &tail, &k);
     if (r > VG_PI) {
         return VG_PI;
     }

@@ -54,7 +54,7 @@ static inline uint32_t vg_bits(uint64_t set)
     }
     return count;
 }
-/// The same angle in (-pi, pi]. |x| <= 1e6.
+/// The same angle in (-pi, pi]. x: any finite number.
 double vg_wrap_angle(double x);
 
 #ifdef __cplusplus

@@ -5,7 +5,7 @@
 
 /// Bodies slower than this stand: their heading does not matter. [m/s]
 static const double standing = 0.5;
-/// Cosine of the angle up to which another heading is the same direction: 60 degrees. [1]
+/// Cosine of the angle to the path up to which a body moves along it, either way: 60 degrees. [1]
 static const double same_direction = 0.5;
 /// Bodies farther ahead than the own stopping distance and this are ignored. [m]
 static const double reach_reserve = 30.0;
@@ -38,7 +38,8 @@ double vg_follow_speed(const vg_following* f, const vg_state* from, double braki
 }
 
 /// Distance up to the gap behind another body at the end of the segment [m], and the speed of that
-/// body along the path at that time; VG_HUGE: the body is not ahead in the path.
+/// body along the path at that time, below 0 if it comes closer; VG_HUGE: the body is not ahead in
+/// the path.
 static double distance_behind(const vg_following* f, const vg_state* from, const verge_track* other,
                               double reach, double* speed)
 {
@@ -62,23 +63,26 @@ static double distance_behind(const vg_following* f, const vg_state* from, const
     const double reach_ahead = other->half_length * vg_abs(along) + other->half_width * across;
     const double v = other->speed[f->last];
     if (vg_abs(d) > own->half_width + reach_left + f->clearance
-        || (along < same_direction && v > standing)) {
+        || (vg_abs(along) < same_direction && vg_abs(v) > standing)) {
         return VG_HUGE;
     }
-    *speed = v * vg_max(along, 0.0);
+    *speed = vg_abs(v) > standing ? v * along : vg_max(v * along, 0.0);
     return s - reach_ahead - f->gap - (from->s + f->rear_axle + own->half_length);
 }
 
 /// Solves v^2 - leader^2 = 2 b (distance - driven) for the end speed v. A profile to v has the
-/// length driven = T (v0 + v) / 2 + T^2 a0 / 12 (kinematics.h).
+/// length driven = T (v0 + v) / 2 + T^2 a0 / 12 (kinematics.h). A body that comes closer does so
+/// until this vehicle stands, for v / b: v^2 + 2 v |leader| = 2 b (distance - driven).
 static double end_speed(double distance, double leader, const vg_state* from, double T, double b)
 {
     const double rest = distance - T * (0.5 * from->s_t + T * from->s_tt / 12.0);
-    const double c = leader * leader + 2.0 * b * rest;
+    const double away = vg_max(leader, 0.0), closer = vg_max(-leader, 0.0);
+    const double c = away * away + 2.0 * b * rest;
     if (c >= 0.0) {
-        return 2.0 * c / (b * T + vg_sqrt(b * b * T * T + 4.0 * c));
+        const double B = b * T + 2.0 * closer;
+        return 2.0 * c / (B + vg_sqrt(B * B + 4.0 * c));
     }
-    return from->s_t * (1.0 - T / stop_within(distance + leader * leader / (2.0 * b), from, T));
+    return from->s_t * (1.0 - T / stop_within(distance + away * away / (2.0 * b), from, T));
 }
 
 /// Duration of a stop of this length, at most T: solves distance = t v0 / 2 + t^2 a0 / 12.

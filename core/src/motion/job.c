@@ -45,7 +45,7 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
     job->def = def;
     job->road = scene->road;
     job->vehicle = vehicle;
-    job->on_road = at->lane_id != VERGE_NO_LANE;
+    job->on_road = vg_scene_moves_along(scene, vehicle_index);
     job->s = at->s;
     job->d = at->d;
     job->target = -1;

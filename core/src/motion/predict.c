@@ -14,7 +14,7 @@
 
 #include <string.h>
 
-// Below this speed the heading of the body is that of the lane. [m/s]
+// Below this speed the body keeps the heading that it has. [m/s]
 static const double standing_speed = 0.5;
 // An uncontrolled vehicle with a lower lateral speed keeps its offset in the lane. [m/s]
 static const double drift_min = 0.4;
@@ -25,6 +25,7 @@ static const double drift_distance = 0.5;
 typedef struct drift {
     double rate;  // [m/s] to the left
     double until; // [m] d at its end
+    bool   back;  // the body points against its lane
 } drift;
 
 struct verge_predictor {
@@ -92,7 +93,7 @@ static uint64_t decided_vehicles(const verge_scene* scene, const verge_decision*
     uint64_t set = 0;
     for (uint32_t i = 0; decision != NULL && i < decision->vehicle_count; ++i) {
         const int32_t k = verge_scene_find(scene, decision->vehicles[i].vehicle_id);
-        set |= k >= 0 && scene->positions[k].lane_id != VERGE_NO_LANE ? (uint64_t)1 << k : 0;
+        set |= k >= 0 && vg_scene_moves_along(scene, (uint32_t)k) ? (uint64_t)1 << k : 0;
     }
     return set;
 }
@@ -205,6 +206,7 @@ static void drive_straight(verge_track* track, const verge_vehicle* vehicle,
 static void set_pose(const verge_predictor* self, verge_track* track, const vg_flow* now,
                      uint32_t slot, double d_rate, uint32_t k)
 {
+    VERGE_ASSERT(k > 0);
     const verge_road* road = self->model->road;
     const uint32_t lane = (uint32_t)now->lane[slot];
     const int32_t target = slot < self->model->controlled_count ? self->model->target[slot] : -1;
@@ -214,11 +216,13 @@ static void set_pose(const verge_predictor* self, verge_track* track, const vg_f
     track->x[k] = at.x - d * n;
     track->y[k] = at.y + d * c;
     const double v = (double)now->v[slot];
-    track->speed[k] = v;
-    track->cos_heading[k] = c;
-    track->sin_heading[k] = n;
-    if (v > standing_speed) {
-        const double norm = 1.0 / vg_sqrt(v * v + d_rate * d_rate);
+    const double forwards = self->drifts[slot].back ? -v : v; // speed along the heading
+    track->speed[k] = forwards;
+    track->cos_heading[k] = track->cos_heading[k - 1u];
+    track->sin_heading[k] = track->sin_heading[k - 1u];
+    if (vg_abs(v) > standing_speed) {
+        const double length = vg_sqrt(v * v + d_rate * d_rate);
+        const double norm = forwards > 0.0 ? 1.0 / length : -1.0 / length;
         const double along = v * norm, across = d_rate * norm;
         track->cos_heading[k] = c * along - n * across;
         track->sin_heading[k] = n * along + c * across;
@@ -236,13 +240,14 @@ static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle,
     vg_sincos(vehicle->heading, &sine, &cosine);
     const double rate = vehicle->speed * (sine * at.cos_heading - cosine * at.sin_heading);
     const double d = (double)root->d[slot];
+    const bool back = self->model->faces_back[slot];
     if (vg_abs(rate) < drift_min) {
-        return (drift){ 0.0, d };
+        return (drift){ 0.0, d, back };
     }
     const double side = rate > 0.0 ? 1.0 : -1.0;
     const double gap = (double)(rate > 0.0 ? root->left_gap[slot] : root->right_gap[slot]);
     const double beyond = gap > 0.0 ? gap : d * side + drift_distance;
-    return (drift){ rate, d * side < -drift_min ? 0.0 : side * vg_max(beyond, d * side) };
+    return (drift){ rate, d * side < -drift_min ? 0.0 : side * vg_max(beyond, d * side), back };
 }
 
 // Moves d by one instant; returns the lateral speed. [m/s]

@@ -54,6 +54,10 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
 {
     VERGE_ASSERT(job->def->points >= 2 && job->def->points <= VERGE_POINTS_MAX);
     vg_workspace_begin(ws, job, tracks);
+    if (job->vehicle->speed < 0.0) {
+        vg_vehicle_stop_reversing(ws, job, plan);
+        return;
+    }
     if (!job->on_road) {
         vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OFF_ROAD);
         return;

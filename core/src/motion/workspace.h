@@ -86,6 +86,9 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
 void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
                           verge_vehicle_plan* plan, verge_reason reason);
 
+/// Stops a vehicle that moves backwards (reverse.c).
+void vg_vehicle_stop_reversing(vg_workspace* ws, const vg_job* job, verge_vehicle_plan* plan);
+
 /// Prepares the state at t = 0, before the first attempt to plan the vehicle.
 void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 /// Writes the points of the plan from body and motion.

@@ -61,6 +61,22 @@ static void pass_lane_ends(const vg_model* model, vg_flow* next, uint32_t slot)
     }
 }
 
+// Moves a vehicle that drives backwards before the start of its lane to the lane before.
+static void pass_lane_starts(const vg_model* model, vg_flow* next, uint32_t slot)
+{
+    const verge_road* road = model->road;
+    const vg_lane* lane = &road->lanes[next->lane[slot]];
+    float beyond = ((float)lane->station_start - next->station[slot]) * next->rate[slot]; // [m]
+    int32_t before = vg_lane_before(road, (uint32_t)next->lane[slot]);
+    for (uint32_t passed = 0; beyond > 0.0f && before >= 0 && passed < VG_WALK_LANES; ++passed) {
+        const vg_lane* on = &road->lanes[before];
+        next->lane[slot] = before;
+        next->station[slot] = (float)vg_lane_station(on, on->length - (double)beyond);
+        beyond -= (float)on->length;
+        before = vg_lane_before(road, (uint32_t)before);
+    }
+}
+
 // Lane and d from station and y. A lane change may end beyond the lane boundary, a long step beyond
 // the lane's end. The change of d is the change of y before the lane's own slope is added.
 static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* next, uint32_t slot,
@@ -87,6 +103,10 @@ static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* nex
     }
     if (!model->single_axis && station > (float)lane->station_end) {
         pass_lane_ends(model, next, slot);
+        place = vg_bin_at(&road->lanes[next->lane[slot]], next->station[slot]);
+    }
+    if (!model->single_axis && next->v[slot] < 0.0f && station < (float)lane->station_start) {
+        pass_lane_starts(model, next, slot);
         place = vg_bin_at(&road->lanes[next->lane[slot]], next->station[slot]);
     }
     vg_flow_set_road_fields(next, slot, place);

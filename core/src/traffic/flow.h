@@ -39,7 +39,8 @@ static_assert(VERGE_VEHICLES_MAX <= 64, "sets of vehicles are 64-bit masks");
 typedef struct vg_flow {
     VG_ALIGNED float station[VERGE_VEHICLES_MAX]; ///< [m] on the axis of the lane's bundle
     VG_ALIGNED float d[VERGE_VEHICLES_MAX];       ///< [m] from the lane's centre
-    VG_ALIGNED float v[VERGE_VEHICLES_MAX];       ///< [m/s]
+    VG_ALIGNED float v[VERGE_VEHICLES_MAX];       ///< [m/s] along the lane; uncontrolled vehicles
+                                                  ///< may move against it: below 0
     int32_t lane[VERGE_VEHICLES_MAX];             ///< index
     // Properties of the road at each vehicle, looked up once per state.
     VG_ALIGNED float y[VERGE_VEHICLES_MAX];         ///< [m] on the bundle's lateral axis
@@ -96,14 +97,17 @@ typedef struct vg_model {
     VG_ALIGNED float half_length[VERGE_VEHICLES_MAX]; ///< [m] with margin
     VG_ALIGNED float half_width[VERGE_VEHICLES_MAX];  ///< [m] with margin
     VG_ALIGNED float cruise[VERGE_VEHICLES_MAX];      ///< [m/s] desired speed of the IDM
-    VG_ALIGNED float braking[VERGE_VEHICLES_MAX];     ///< [m/s^2] largest deceleration of the IDM
+    /// [m/s^2] largest deceleration of the IDM. 0 of a vehicle that moves against its lane: it is
+    /// expected to go on
+    VG_ALIGNED float braking[VERGE_VEHICLES_MAX];
+    bool     faces_back[VERGE_VEHICLES_MAX];   ///< the body points against its lane
     float    gain[VERGE_CONTROLLED_MAX];       ///< [m/s] speed gained by AC in a step
     float    loss[VERGE_CONTROLLED_MAX];       ///< [m/s] speed lost by DC in a step
     float    stop[VERGE_CONTROLLED_MAX];       ///< [s^2/m] stopping distance of DC over v squared
     float    speed_max[VERGE_CONTROLLED_MAX];  ///< [m/s] of the body; AC is not legal above it
     double   acceleration[VERGE_CONTROLLED_MAX]; ///< [m/s^2] of AC
-    /// [m] from the centre of the vehicle back to the middle of vehicle and trailer. Stations of
-    /// the flow are those of the middle.
+    /// [m] along the lane from the middle of vehicle and trailer to the centre of the vehicle, below
+    /// 0 where it faces back. Stations of the flow are those of the middle.
     double   back[VERGE_VEHICLES_MAX];
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
     const vg_way* ways[VERGE_CONTROLLED_MAX];  ///< [lane] to the target, null: none
@@ -122,7 +126,8 @@ typedef struct vg_model {
 } vg_model;
 
 /// Model and first flow of a scene. Bit i of `controlled`: vehicles[i] has actions and takes one of
-/// the first slots. All other vehicles are predicted. Vehicles off the road are left out.
+/// the first slots, if it moves along its lane. All other vehicles are predicted. Vehicles off the
+/// road are left out.
 void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def, vg_pairs* pairs,
                    const verge_scene* scene, uint64_t controlled);
 
@@ -131,6 +136,9 @@ bool vg_scene_holds(const verge_scene* scene);
 
 /// The controlled vehicles of a scene (bits).
 uint64_t vg_scene_controlled(const verge_scene* scene);
+
+/// Can vehicles[i] be planned: is it on a lane, faces along it, and does not move backwards?
+bool vg_scene_moves_along(const verge_scene* scene, uint32_t i);
 
 /// Sets the desired speed of uncontrolled vehicles to the speed limit of their lane. Before this
 /// call they continue as measured. For simulators.
@@ -150,8 +158,8 @@ static inline double vg_flow_s(const vg_model* model, const vg_flow* flow, uint3
 /// Looks up the road fields of all slots. Call it after station, d, v or lane were set.
 void vg_flow_derive(const vg_model* model, vg_flow* flow);
 
-/// True if every slot is on a lane of the road with finite coordinates and a speed of 0 or more: what
-/// each step of a search expects and leaves. For assertions and tests.
+/// True if every slot is on a lane of the road with finite coordinates, controlled ones with a speed
+/// of 0 or more: what each step of a search expects and leaves. For assertions and tests.
 bool vg_flow_holds(const vg_model* model, const vg_flow* flow);
 
 /// y of a lane's centre at a station [m].

@@ -24,6 +24,22 @@ VG_INLINE float acceleration_of(const idm* p, float braking, float v, float per_
     return vg_maxf(a, -braking);
 }
 
+// Motion against the lane, at constant speed or slower: ahead of such a vehicle is who is behind it
+// on the lane's axis.
+static void move_backwards(const vg_model* model, const vg_flow* flow, const idm* p,
+                           const vg_neighbours* w, float dt, uint32_t i, float* station_to,
+                           float* v_to)
+{
+    const float v = -flow->v[i];
+    const float gap = w->gap_behind - model->half_length[i];
+    const float v_lead = w->gap_behind < 0.5f * VG_FAR_AWAY ? -w->v_behind : v;
+    const float a = vg_minf(acceleration_of(p, model->braking[i], v, 1.0f / v, gap, v_lead), 0.0f);
+    const float v1 = v + a * dt;
+    const float distance = v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
+    station_to[i] = flow->station[i] - distance / flow->rate[i];
+    v_to[i] = v1 > 0.0f ? -v1 : 0.0f;
+}
+
 // The leader is the nearest vehicle in the path, controlled or not. The offset d stays as it is.
 void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, float* station_to,
                          float* v_to, float* y_to)
@@ -37,9 +53,14 @@ void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, f
         const vg_neighbours w = vg_nearest(model, flow, i, flow->station[i], flow->y[i],
                                            flow->station, flow->v,
                                            vg_order_wall(model, flow, i));
+        const float v = flow->v[i];
+        if (v < 0.0f) {
+            move_backwards(model, flow, &p, &w, dt, i, station_to, v_to);
+            y_to[i] = flow->y[i];
+            continue;
+        }
         const float per_desired = 1.0f / model->cruise[i];
         const float gap = w.gap_ahead - model->half_length[i];
-        const float v = flow->v[i];
         // With no vehicle ahead the closing speed is 0.
         const float v_lead = w.gap_ahead < 0.5f * VG_FAR_AWAY ? w.v_ahead : v;
         const float a = acceleration_of(&p, model->braking[i], v, per_desired, gap, v_lead);

@@ -24,6 +24,33 @@ static double length_behind(const verge_body* body)
                ? vg_max(rear, body->hitch + body->trailer_length - body->trailer_front) : rear;
 }
 
+// A body turned by more than this does not move the way its lane runs. [1] cosine of 30 degrees
+static const double turned_cosine = 0.866;
+// A slower vehicle stands. [m/s]
+static const double standing_speed = 0.5;
+
+// The body in lane terms: its reach along and across, and where the middle of vehicle and trailer
+// lies. One that drives is as long and wide as it is: a small angle to its lane is that of a lane
+// change. One that stands reaches as far as its corners do.
+static void set_body(vg_model* model, const verge_vehicle* vehicle, double turn, uint32_t slot)
+{
+    double sine, cosine;
+    vg_sincos(vg_wrap_angle(turn), &sine, &cosine);
+    const verge_body body = verge_vehicle_body(vehicle);
+    const double back = 0.5 * (length_behind(&body) - 0.5 * vehicle->length);
+    double half_length = 0.5 * vehicle->length + back, half_width = 0.5 * vehicle->width;
+    const bool stands = vg_abs(vehicle->speed) < standing_speed;
+    model->faces_back[slot] = cosine < 0.0;
+    model->back[slot] = cosine < 0.0 ? -back : back;
+    if (model->best && !vehicle->controlled && (stands || vg_abs(cosine) < turned_cosine)) {
+        const double along = vg_abs(cosine), across = vg_abs(sine), length = half_length;
+        half_length = length * along + half_width * across;
+        half_width = length * across + half_width * along;
+    }
+    model->half_length[slot] = (float)(half_length + vehicle->margin);
+    model->half_width[slot] = (float)(half_width + vehicle->margin);
+}
+
 static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint32_t input_index,
                   uint32_t slot)
 {
@@ -33,21 +60,20 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
     VERGE_ASSERT(index >= 0);
     const vg_lane* lane = &model->road->lanes[index];
     model->input_index[slot] = input_index;
-    const verge_body body = verge_vehicle_body(vehicle);
-    model->back[slot] = 0.5 * (length_behind(&body) - 0.5 * vehicle->length);
-    model->half_length[slot] = (float)(0.5 * vehicle->length + model->back[slot] + vehicle->margin);
-    model->half_width[slot] = (float)(0.5 * vehicle->width + vehicle->margin);
+    set_body(model, vehicle, vehicle->heading - at->heading, slot);
+    const double along = model->faces_back[slot] ? -1.0 : 1.0;
+    const double speed = along * vehicle->speed, acceleration = along * vehicle->acceleration;
     // Desired speed of an uncontrolled vehicle: the limit if the vehicle speeds up, else the speed
     // that it has after trend_s at its present acceleration. A standing vehicle stays standing, and
     // a braking one continues to brake. The IDM takes the vehicles ahead into account.
-    const double fastest = vg_max(lane->speed_limit, vehicle->speed);
-    const double soon = vehicle->acceleration > speeding_up
-                            ? fastest : vehicle->speed + trend_s * vehicle->acceleration;
+    const double fastest = vg_max(lane->speed_limit, speed);
+    const double soon = acceleration > speeding_up ? fastest : speed + trend_s * acceleration;
     model->cruise[slot] = (float)vg_clamp(soon, cruise_min, fastest);
-    model->braking[slot] = (float)vg_max(model->def->idm_braking_max, -vehicle->acceleration);
+    model->braking[slot] =
+        speed < 0.0 ? 0.0f : (float)vg_max(model->def->idm_braking_max, -acceleration);
     flow->station[slot] = (float)vg_lane_station(lane, at->s - model->back[slot]);
     flow->d[slot] = (float)at->d;
-    flow->v[slot] = (float)vehicle->speed;
+    flow->v[slot] = (float)speed;
     flow->lane[slot] = index;
 }
 
@@ -155,8 +181,8 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     model->pairs = pairs;
     for (uint32_t pass = 0; pass < 2; ++pass) { // controlled vehicles first
         for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
-            if (scene->positions[i].lane_id == VERGE_NO_LANE
-                || (controlled >> i & 1u) != (pass == 0)) {
+            const bool planned = (controlled >> i & 1u) != 0 && vg_scene_moves_along(scene, i);
+            if (scene->positions[i].lane_id == VERGE_NO_LANE || planned != (pass == 0)) {
                 continue;
             }
             const uint32_t slot = model->count++;
@@ -207,7 +233,8 @@ bool vg_flow_holds(const vg_model* model, const vg_flow* flow)
     for (uint32_t slot = 0; holds && slot < model->count; ++slot) {
         holds = flow->lane[slot] >= 0 && flow->lane[slot] < (int32_t)model->road->lane_count
                 && vg_finite((double)flow->station[slot]) && vg_finite((double)flow->d[slot])
-                && flow->v[slot] >= 0.0f && flow->rate[slot] > 0.0f;
+                && vg_finite((double)flow->v[slot]) && flow->rate[slot] > 0.0f
+                && (slot >= model->controlled_count || flow->v[slot] >= 0.0f);
     }
     return holds;
 }

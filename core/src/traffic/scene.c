@@ -1,11 +1,15 @@
 /// The vehicles on the road: checked, ordered by id, each with the lane it drives along.
 #include "verge/scene.h"
 
+#include "base/contract.h"
 #include "base/scalar.h"
 #include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/flow.h"
 #include "traffic/signals.h"
+
+// Error of a measured speed at standstill. [m/s]
+static const double speed_noise = 0.2;
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v,
                           verge_vehicle_fault* fault);
@@ -32,13 +36,8 @@ verge_status verge_scene_place(verge_scene* scene, int64_t utime, const verge_ve
     for (uint32_t i = 0; i < vehicle_count; ++i) {
         const verge_vehicle* v = &scene->vehicles[i];
         const int32_t k = before != NULL ? verge_scene_find(before, v->id) : -1;
-        verge_lane_position at =
+        scene->positions[i] =
             locate(scene->road, v, k < 0 ? VERGE_NO_LANE : before->positions[k].lane_id);
-        // Vehicles heading against the lane are treated as off-road.
-        if (!(vg_cos(at.heading - v->heading) > 0.0)) {
-            at.lane_id = VERGE_NO_LANE;
-        }
-        scene->positions[i] = at;
     }
     scene->utime = utime;
     scene->vehicle_count = vehicle_count;
@@ -56,7 +55,7 @@ static bool position_holds(const verge_road* road, const verge_lane_position* at
 {
     return at->lane_id == VERGE_NO_LANE
            || (vg_road_lane_index(road, at->lane_id) >= 0 && vg_abs(at->s) <= 1e7
-               && vg_abs(at->d) <= 1e7);
+               && vg_abs(at->d) <= 1e7 && vg_finite(at->heading));
 }
 
 bool vg_scene_holds(const verge_scene* scene)
@@ -71,6 +70,15 @@ bool vg_scene_holds(const verge_scene* scene)
                 && position_holds(scene->road, &scene->positions[i]);
     }
     return holds;
+}
+
+bool vg_scene_moves_along(const verge_scene* scene, uint32_t i)
+{
+    VERGE_ASSERT(i < scene->vehicle_count);
+    const verge_vehicle* v = &scene->vehicles[i];
+    const verge_lane_position* at = &scene->positions[i];
+    return at->lane_id != VERGE_NO_LANE && v->speed >= 0.0
+           && vg_cos(vg_wrap_angle(v->heading - at->heading)) > 0.0;
 }
 
 int32_t verge_scene_find(const verge_scene* scene, int32_t vehicle_id)
@@ -99,8 +107,8 @@ verge_status verge_road_check_vehicle(const verge_road* road, const verge_vehicl
     if (!vehicle_holds(road, vehicle, fault)) {
         return VERGE_ERR_VEHICLE;
     }
-    const verge_lane_position at =
-        verge_road_project(road, vehicle->x, vehicle->y, vehicle->heading, VERGE_NO_LANE);
+    const verge_lane_position at = verge_road_project(
+        road, vehicle->x, vehicle->y, vg_wrap_angle(vehicle->heading), VERGE_NO_LANE);
     return at.lane_id == VERGE_NO_LANE ? VERGE_ERR_OFF_ROAD : VERGE_OK;
 }
 
@@ -156,6 +164,18 @@ static bool vehicle_holds(const verge_road* road, const verge_vehicle* v,
     return known;
 }
 
+// Headings within a turn. A controlled vehicle that stands may be measured as rolling backwards.
+static void normalise(verge_vehicle* v)
+{
+    v->heading = vg_wrap_angle(v->heading);
+    if (vg_finite(v->trailer_heading)) {
+        v->trailer_heading = vg_wrap_angle(v->trailer_heading);
+    }
+    if (v->controlled && v->speed < 0.0 && v->speed >= -speed_noise) {
+        v->speed = 0.0;
+    }
+}
+
 // Copies the vehicles in the order of their ids. Insertion sort: they are few and often sorted.
 static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, uint32_t count)
 {
@@ -172,7 +192,7 @@ static verge_status accept(verge_scene* scene, const verge_vehicle* vehicles, ui
             sorted[at] = sorted[at - 1u];
         }
         sorted[at] = vehicles[i];
-        sorted[at].heading = vg_wrap_angle(vehicles[i].heading);
+        normalise(&sorted[at]);
         if (at > 0 && sorted[at - 1u].id == vehicles[i].id) {
             return VERGE_ERR_DUPLICATE;
         }
@@ -223,7 +243,7 @@ static vg_rectangle body_of(const verge_vehicle* v)
 {
     vg_rectangle body = { .x = v->x, .y = v->y, .half_length = 0.5 * v->length + v->margin,
                           .half_width = 0.5 * v->width + v->margin };
-    vg_sincos(v->heading, &body.sin_heading, &body.cos_heading);
+    vg_sincos(vg_wrap_angle(v->heading), &body.sin_heading, &body.cos_heading);
     return body;
 }
 
@@ -249,7 +269,8 @@ static uint32_t bodies_of(const verge_vehicle* v, vg_rectangle bodies[2])
         return 1;
     }
     double sine, cosine;
-    vg_sincos(vg_finite(v->trailer_heading) ? v->trailer_heading : v->heading, &sine, &cosine);
+    vg_sincos(vg_wrap_angle(vg_finite(v->trailer_heading) ? v->trailer_heading : v->heading),
+              &sine, &cosine);
     bodies[1] = vg_trailer_at(&v->body, &bodies[0], cosine, sine);
     bodies[1].half_length += v->margin;
     bodies[1].half_width += v->margin;

@@ -30,6 +30,8 @@ extern "C" {
 #define VG_CENTRED 0.3f
 /// Largest |d| at which the target lane counts as reached. [m]
 #define VG_REACHED_OFFSET 0.5f
+/// A slower vehicle stands. [m/s]
+#define VG_STANDING_SPEED 0.5f
 /// Larger than any distance on a road: stands for an absent or unrelated vehicle. [m]
 #define VG_FAR_AWAY 1e9f
 
@@ -54,6 +56,13 @@ typedef struct vg_flow {
     float   driven[VERGE_CONTROLLED_MAX];   ///< [m] in the target lane
     uint8_t previous[VERGE_CONTROLLED_MAX]; ///< action that led here; VERGE_ACTION_COUNT: none yet
 } vg_flow;
+
+/// Does a vehicle stand, and is it expected to go on? Controlled vehicles are never static.
+typedef enum vg_standing {
+    VG_MOVING = 0,
+    VG_TEMPORARILY_STOPPED, ///< behind another one, before a junction or a lane's end, or setting off
+    VG_STATIC,              ///< without a cause, beside the lane's centre, across it or facing back
+} vg_standing;
 
 /// Converts the station and y of another vehicle to the axes of the observing vehicle.
 typedef struct vg_pair {
@@ -101,6 +110,8 @@ typedef struct vg_model {
     /// expected to go on
     VG_ALIGNED float braking[VERGE_VEHICLES_MAX];
     bool     faces_back[VERGE_VEHICLES_MAX];   ///< the body points against its lane
+    bool     turned[VERGE_VEHICLES_MAX];       ///< by more than 30 degrees to its lane
+    uint8_t  standing[VERGE_VEHICLES_MAX];     ///< vg_standing, of the scene
     float    gain[VERGE_CONTROLLED_MAX];       ///< [m/s] speed gained by AC in a step
     float    loss[VERGE_CONTROLLED_MAX];       ///< [m/s] speed lost by DC in a step
     float    stop[VERGE_CONTROLLED_MAX];       ///< [s^2/m] stopping distance of DC over v squared

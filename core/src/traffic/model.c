@@ -3,6 +3,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "traffic/standing.h"
 
 #include <string.h>
 
@@ -26,8 +27,6 @@ static double length_behind(const verge_body* body)
 
 // A body turned by more than this does not move the way its lane runs. [1] cosine of 30 degrees
 static const double turned_cosine = 0.866;
-// A slower vehicle stands. [m/s]
-static const double standing_speed = 0.5;
 
 // The body in lane terms: its reach along and across, and where the middle of vehicle and trailer
 // lies. One that drives is as long and wide as it is: a small angle to its lane is that of a lane
@@ -39,8 +38,9 @@ static void set_body(vg_model* model, const verge_vehicle* vehicle, double turn,
     const verge_body body = verge_vehicle_body(vehicle);
     const double back = 0.5 * (length_behind(&body) - 0.5 * vehicle->length);
     double half_length = 0.5 * vehicle->length + back, half_width = 0.5 * vehicle->width;
-    const bool stands = vg_abs(vehicle->speed) < standing_speed;
+    const bool stands = vg_abs(vehicle->speed) <= (double)VG_STANDING_SPEED;
     model->faces_back[slot] = cosine < 0.0;
+    model->turned[slot] = cosine < turned_cosine;
     model->back[slot] = cosine < 0.0 ? -back : back;
     if (model->best && !vehicle->controlled && (stands || vg_abs(cosine) < turned_cosine)) {
         const double along = vg_abs(cosine), across = vg_abs(sine), length = half_length;
@@ -212,6 +212,9 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     }
     model->single_axis = has_single_axis(model, flow);
     vg_flow_derive(model, flow);
+    if (model->best) {
+        vg_model_classify(model, flow);
+    }
 }
 
 void vg_flow_derive(const vg_model* model, vg_flow* flow)

@@ -68,7 +68,9 @@ static inline verge_scene verge_scene_make(const verge_road* road, verge_vehicle
 /// Fills utime, vehicles and positions; signals stay as they are. Checks the vehicles, orders them by id and finds the lane
 /// of each. Where lanes overlap (merges, diverges), the lane is the one along which the vehicle
 /// drives: the lane that it had in `before`, else the successor of that lane towards the target
-/// lane, else a lane from which the target lane can be reached.
+/// lane, if the vehicle heads along it within 60 degrees; else the lane that fits heading and place
+/// best. Among lanes that fit as well, within 0.5 m, it is one from which the target lane can be
+/// reached. Between the lanes of a junction a vehicle keeps the lane that it had.
 /// before: the scene of the last step, or null. It must have other arrays than `scene`.
 /// vehicles: in any order; not the array of `scene`.
 /// @retval VERGE_ERR_CAPACITY, VERGE_ERR_VEHICLE, VERGE_ERR_DUPLICATE  vehicle_count is 0

@@ -6,6 +6,9 @@
 #include "road/build.h"
 #include "base/scalar.h"
 
+// A lane runs along a heading if the angle between them is below 60 degrees. [1] its cosine
+static const double same_direction = 0.5;
+
 static void take_memory(vg_road_draft* draft, vg_arena* arena);
 static void copy_lanes(vg_road_draft* draft);
 static void place_stop_lines(vg_road_draft* draft);
@@ -13,6 +16,7 @@ static uint64_t fingerprint_of(const struct verge_road* road);
 static void find_predecessors(struct verge_road* road);
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id);
 static verge_lane_position position_on(const vg_lane* lane, double x, double y, double s_hint);
+static verge_lane_position position_at(const vg_lane* lane, double x, double y, double s);
 /// Whether `at` on `lane` is a better place for a body than the best so far, and how good it is.
 static double misfit(const vg_lane* lane, const verge_lane_position* at, double heading);
 
@@ -162,7 +166,7 @@ verge_lane_position verge_road_project(const verge_road* road, double x, double 
     vg_nearby nearby = vg_road_nearby(road, x, y);
     for (int32_t i = vg_nearby_next(&nearby); i >= 0; i = vg_nearby_next(&nearby)) {
         const vg_lane* lane = &road->lanes[i];
-        const verge_lane_position at = position_on(lane, x, y, nearby.s);
+        const verge_lane_position at = vg_nearby_position(&nearby, heading);
         const double here = misfit(lane, &at, heading);
         if (at.contained && at.lane_id == prefer_lane) {
             return at;
@@ -185,9 +189,58 @@ verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_i
     return position_on(lane, x, y, 0.0);
 }
 
-verge_lane_position vg_nearby_position(const vg_nearby* nearby)
+// The knot of a chunk that is nearest to the point, if the lane runs along the heading there and the
+// point is nearer than sqrt(*least).
+static int32_t knot_along(const vg_line* line, const vg_nearby* nearby, uint32_t chunk,
+                          const double direction[2], double* least)
 {
-    return position_on(&nearby->road->lanes[nearby->lane], nearby->x, nearby->y, nearby->s);
+    const uint32_t from = chunk * (uint32_t)VG_CHUNK_KNOTS;
+    int32_t found = -1;
+    for (uint32_t k = from; k < from + VG_CHUNK_KNOTS && k + 1u < line->knot_count; ++k) {
+        const double ux = line->x[k + 1u] - line->x[k], uy = line->y[k + 1u] - line->y[k];
+        const double dx = nearby->x - line->x[k], dy = nearby->y - line->y[k];
+        const double square = dx * dx + dy * dy;
+        const double along = ux * direction[0] + uy * direction[1];
+        if (square < *least && along > same_direction * line->knot_spacing) {
+            *least = square;
+            found = (int32_t)k;
+        }
+    }
+    return found;
+}
+
+// A lane may cross itself or come back beside itself: the nearest place is not always the one where
+// a body is. If the lane runs in another direction there, its other parts near the point are tried.
+static verge_lane_position position_along(const vg_nearby* nearby, double heading)
+{
+    const vg_lane* lane = &nearby->road->lanes[nearby->lane];
+    const vg_grid* grid = &nearby->road->grid;
+    const verge_lane_position nearest = position_on(lane, nearby->x, nearby->y, nearby->s);
+    if (vg_cos(vg_wrap_angle(heading - nearest.heading)) >= same_direction) {
+        return nearest;
+    }
+    const double reach = 0.5 * lane->width + VG_EDGE_REACH;
+    double direction[2], least = reach * reach;
+    vg_sincos(heading, &direction[1], &direction[0]);
+    int32_t knot = -1;
+    VERGE_ASSERT(nearby->at > 0);
+    for (uint32_t i = nearby->at - 1u; i < nearby->end; ++i) { // this lane's chunks in the cell
+        const vg_chunk* chunk = &grid->chunks[grid->chunk_of[i]];
+        if ((int32_t)chunk->lane != nearby->lane) {
+            break;
+        }
+        const int32_t here = knot_along(&lane->line, nearby, chunk->index, direction, &least);
+        knot = here >= 0 ? here : knot;
+    }
+    const double s = lane->line.knot_spacing * (double)knot;
+    return knot < 0 ? nearest
+                    : position_at(lane, nearby->x, nearby->y,
+                                  vg_lane_project(lane, nearby->x, nearby->y, s));
+}
+
+verge_lane_position vg_nearby_position(const vg_nearby* nearby, double heading)
+{
+    return position_along(nearby, vg_wrap_angle(heading));
 }
 
 bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
@@ -442,7 +495,11 @@ static const vg_lane* lane_of(const verge_road* road, int32_t lane_id)
 
 static verge_lane_position position_on(const vg_lane* lane, double x, double y, double s_hint)
 {
-    const double s = vg_lane_project_whole(lane, x, y, s_hint);
+    return position_at(lane, x, y, vg_lane_project_whole(lane, x, y, s_hint));
+}
+
+static verge_lane_position position_at(const vg_lane* lane, double x, double y, double s)
+{
     const vg_reference at = vg_lane_at(lane, s);
     verge_lane_position position;
     position.lane_id = lane->id;

@@ -169,8 +169,8 @@ typedef struct vg_nearby {
 } vg_nearby;
 vg_nearby vg_road_nearby(const struct verge_road* road, double x, double y);
 int32_t   vg_nearby_next(vg_nearby* nearby);
-/// The position of (x, y) on that lane.
-verge_lane_position vg_nearby_position(const vg_nearby* nearby);
+/// The position of (x, y) on that lane. Where the lane comes by twice: where it runs along `heading`.
+verge_lane_position vg_nearby_position(const vg_nearby* nearby, double heading);
 
 static inline uint32_t vg_lane_predecessor_count(const struct verge_road* road, uint32_t lane)
 {

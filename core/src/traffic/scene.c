@@ -10,6 +10,14 @@
 
 // Error of a measured speed at standstill. [m/s]
 static const double speed_noise = 0.2;
+// A lane runs in the direction of a vehicle up to this angle, 60 degrees; what other lanes fit worse.
+// [1], [m]
+static const double same_direction = 0.5;
+static const double other_direction = 1e3;
+// Lanes whose misfit differs by less fit as well. [m]
+static const double tie = 0.5;
+// Between the lanes of a junction a vehicle is at most this far from the centre of its own. [m]
+static const double junction_reach = 6.0;
 
 static bool vehicle_holds(const verge_road* road, const verge_vehicle* v,
                           verge_vehicle_fault* fault);
@@ -213,30 +221,87 @@ static verge_lane_position locate_from(const verge_road* road, const verge_vehic
     return next == VERGE_NO_LANE ? at : verge_road_project(road, v->x, v->y, v->heading, next);
 }
 
-// Position on the lane that the vehicle drives along. If its target lane cannot be reached from
-// there, a lane that also contains the vehicle and needs the fewest lane changes is taken instead.
-static verge_lane_position locate(const verge_road* road, const verge_vehicle* v,
-                                  int32_t lane_before)
+// How badly a vehicle fits on a lane that contains it: its distance from the centre, and an angle
+// that counts as metres. Lanes in another direction fit only where no other lane does. [m]
+static double misfit(const verge_vehicle* v, const verge_lane_position* at)
 {
-    verge_lane_position at = locate_from(road, v, lane_before);
+    const double cosine = vg_cos(vg_wrap_angle(v->heading - at->heading));
+    return vg_abs(at->d) + 4.0 * (1.0 - cosine) + (cosine < same_direction ? other_direction : 0.0);
+}
+
+// The lane that fits best among those that contain the vehicle; none: `found`.
+static verge_lane_position best_fit(const verge_road* road, const verge_vehicle* v,
+                                    verge_lane_position found)
+{
+    double least = found.contained ? misfit(v, &found) : VG_HUGE;
+    vg_nearby nearby = vg_road_nearby(road, v->x, v->y);
+    while (vg_nearby_next(&nearby) >= 0) {
+        const verge_lane_position at = vg_nearby_position(&nearby, v->heading);
+        const double here = at.contained ? misfit(v, &at) : VG_HUGE;
+        if (here < least) {
+            found = at;
+            least = here;
+        }
+    }
+    return found;
+}
+
+// A lane that fits as well as `at`, and from which the target is reached with the fewest changes.
+static verge_lane_position towards_target(const verge_road* road, const verge_vehicle* v,
+                                          verge_lane_position at)
+{
+    const int32_t lane = vg_road_lane_index(road, at.lane_id);
     const int32_t target = v->controlled ? vg_road_lane_index(road, v->target_lane) : -1;
-    if (at.lane_id == VERGE_NO_LANE || target < 0) {
+    if (target < 0 || vg_road_changes(road, (uint32_t)lane, (uint32_t)target) != VG_NEVER) {
         return at;
     }
-    uint32_t fewest =
-        vg_road_changes(road, (uint32_t)vg_road_lane_index(road, at.lane_id), (uint32_t)target);
-    const bool never = fewest == VG_NEVER;
+    const double most = misfit(v, &at) + tie;
+    uint32_t fewest = VG_NEVER;
     vg_nearby nearby = vg_road_nearby(road, v->x, v->y);
-    for (int32_t lane = vg_nearby_next(&nearby); never && lane >= 0;
-         lane = vg_nearby_next(&nearby)) {
-        const uint32_t changes = vg_road_changes(road, (uint32_t)lane, (uint32_t)target);
-        const verge_lane_position other = vg_nearby_position(&nearby);
-        if (changes < fewest && other.contained) {
+    for (int32_t i = vg_nearby_next(&nearby); i >= 0; i = vg_nearby_next(&nearby)) {
+        const uint32_t changes = vg_road_changes(road, (uint32_t)i, (uint32_t)target);
+        const verge_lane_position other = vg_nearby_position(&nearby, v->heading);
+        if (changes < fewest && other.contained && misfit(v, &other) <= most) {
             at = other;
             fewest = changes;
         }
     }
     return at;
+}
+
+// Between the lanes of a junction a vehicle is on the lane it had, or on the one that continues it.
+static verge_lane_position keep_route(const verge_road* road, const verge_vehicle* v,
+                                      int32_t lane_before)
+{
+    const int32_t next =
+        verge_road_next(road, lane_before, v->controlled ? v->target_lane : VERGE_NO_LANE);
+    const int32_t lanes[] = { lane_before, next };
+    for (uint32_t i = 0; i < 2; ++i) {
+        const int32_t lane = vg_road_lane_index(road, lanes[i]);
+        if (lane >= 0 && vg_road_has_conflicts(road, (uint32_t)lane)) {
+            const verge_lane_position at = verge_road_project_on(road, lanes[i], v->x, v->y);
+            if (at.s >= 0.0 && at.s <= road->lanes[lane].length && vg_abs(at.d) <= junction_reach
+                && vg_cos(vg_wrap_angle(v->heading - at.heading)) >= same_direction) {
+                return at;
+            }
+        }
+    }
+    return (verge_lane_position){ .lane_id = VERGE_NO_LANE };
+}
+
+// Position on the lane that the vehicle drives along: the lane of its route while it is on it and
+// heads along it, else the lane that fits best. Among lanes that fit as well the target decides.
+static verge_lane_position locate(const verge_road* road, const verge_vehicle* v,
+                                  int32_t lane_before)
+{
+    verge_lane_position at = locate_from(road, v, lane_before);
+    if (at.lane_id == VERGE_NO_LANE) {
+        return keep_route(road, v, lane_before);
+    }
+    if (vg_cos(vg_wrap_angle(v->heading - at.heading)) < same_direction) {
+        at = best_fit(road, v, at);
+    }
+    return at.contained ? towards_target(road, v, at) : at;
 }
 
 static vg_rectangle body_of(const verge_vehicle* v)

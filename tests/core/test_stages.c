@@ -6,6 +6,7 @@
 
 #include <math.h>
 #include <stdalign.h>
+#include <stdio.h>
 
 enum { LANES = 2, SCENE_MAX = 80 };
 static const double lane_width = 3.5; // [m]
@@ -191,6 +192,56 @@ static void a_hand_written_decision_reaches_its_lane_and_its_speed(void** state)
     }
     CHECK_NEAR(vehicle.y, lane_width, 0.3);
     CHECK_NEAR(vehicle.speed, wanted, 0.5);
+}
+
+// Would an observer disagree with what is said, over 0.3 s from this point on?
+static bool contradicts(const verge_vehicle_plan* plan, uint32_t k)
+{
+    const double a = (plan->points[k + 3].speed - plan->points[k].speed) / 0.3;
+    const verge_action said = plan->actions[0].action;
+    return plan->points[k].speed > 0.5
+           && (said == VERGE_ACCELERATE   ? a < -0.3
+               : said == VERGE_DECELERATE ? a > 0.3
+                                          : fabs(a) > 1.0);
+}
+
+// Whatever was decided, with a slower vehicle near or far ahead, above or below the limit: a plan
+// says what its trajectory does until the next plan comes.
+static void a_plan_says_what_its_trajectory_does(void** state)
+{
+    (void)state;
+    static const verge_action actions[] = { VERGE_KEEP_SPEED, VERGE_ACCELERATE, VERGE_DECELERATE };
+    uint32_t windows = 0, wrong = 0, brakes = 0;
+    for (uint32_t k = 0; k < 3 * 4 * 6 * 3; ++k) {
+        const verge_action action = actions[k % 3];
+        const double gap = 15.0 + 15.0 * (k / 3 % 4), speed = 4.0 + 4.0 * (k / 12 % 6);
+        const double acceleration = -1.0 + (double)(k / 72 % 3);
+        verge_vehicle heard[2] = { vehicle_at(3, true, 50.0, 0.0, speed),
+                                   vehicle_at(7, false, 55.0 + gap, 0.0, 0.6 * speed) };
+        heard[0].acceleration = acceleration;
+        assert_int_equal(verge_scene_place(&one.scene, 1000, heard, 2, NULL), VERGE_OK);
+        verge_vehicle_decision* own = &one.decisions[0];
+        memset(own, 0, sizeof *own);
+        own->vehicle_id = 3;
+        const double decided = action == VERGE_ACCELERATE   ? 0.6
+                               : action == VERGE_DECELERATE ? -0.6
+                                                            : 0.0;
+        for (uint32_t t = 0; t < 3; ++t) {
+            add_step(own, action, 10, 1.5, decided, 50.0, speed);
+            own->steps[t].brake_light = action == VERGE_DECELERATE;
+        }
+        one.decision.vehicle_count = 1;
+        const verge_vehicle_plan plan = plan_three(&one, NULL);
+        for (uint32_t i = 0; i < 5; ++i) {
+            windows++;
+            wrong += contradicts(&plan, i);
+        }
+        brakes += plan.actions[0].action == VERGE_DECELERATE;
+        assert_int_equal(own->steps[0].action, action); // the decision keeps its own
+    }
+    printf("             %u of %u windows contradict\n", wrong, windows);
+    CHECK_AT_MOST(wrong, 0.05 * windows);
+    assert_true(brakes > 20);
 }
 
 // One motion with constant acceleration, given in steps of several lengths, is one prediction.
@@ -619,6 +670,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         CASE(a_hand_written_decision_reaches_its_lane_and_its_speed),
         CASE(the_reason_and_the_passes_of_a_decision_go_to_its_plan),
+        CASE(a_plan_says_what_its_trajectory_does),
         CASE(a_decision_may_have_steps_of_any_length),
         CASE(a_decision_that_makes_no_sense_is_refused_and_changes_nothing),
         CASE(a_decision_shorter_than_the_trajectory_is_refused),

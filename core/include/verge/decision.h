@@ -25,7 +25,8 @@ extern "C" {
 /// One decision step of one vehicle: its action from t0 to t1 and the state expected at t1. A step
 /// may have any length. Stages that read steps use action, lane, times, s, d, v and distance. The
 /// rest informs people: it goes to the plan as it is, but the brake light is on also where the
-/// trajectory brakes.
+/// trajectory brakes. In a plan the action of the present step, if it changes no lane, is the one
+/// that its trajectory shows: more than 0.15 m/s^2 on average are accelerating or decelerating.
 typedef struct verge_action_step {
     verge_action action;
     int32_t lane_id;        ///< the lane at t1

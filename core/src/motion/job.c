@@ -22,6 +22,12 @@ static const double follower_distance = 200.0;
 static const double on_plan_distance = 0.3;
 // A change is complete on its lane, nearer to the centre than this. Lane keeping does the rest. [m]
 static const double change_done_within = 0.2;
+// Mean acceleration from which a motion is speeding up, or slowing down. [m/s^2]
+static const double action_from = 0.15;
+// Mean acceleration that keeping the speed may begin with. [m/s^2]
+static const double keeping_within = 0.5;
+// The first part of a step, which the plan of the next cycle usually replaces. [s]
+static const double step_begin_s = 0.5;
 // Deceleration above which the brake lights are on: more than engine braking. [m/s^2]
 static const double brake_light_from = 0.8;
 
@@ -206,6 +212,52 @@ static int32_t lane_changed_to(const vg_job* job, const verge_vehicle_plan* plan
     return at.contained && verge_road_continues(job->road, lane, at.lane_id) ? lane : VERGE_NO_LANE;
 }
 
+// Mean acceleration of the trajectory up to time t. [m/s^2]
+static double mean_acceleration(const verge_vehicle_plan* plan, double t)
+{
+    uint32_t k = 1;
+    while (k + 1u < plan->point_count && plan->points[k].t < t - 1e-9) {
+        ++k;
+    }
+    return (plan->points[k].speed - plan->points[0].speed) / plan->points[k].t;
+}
+
+static verge_action action_of(double acceleration)
+{
+    return acceleration > action_from    ? VERGE_ACCELERATE
+           : acceleration < -action_from ? VERGE_DECELERATE
+                                         : VERGE_KEEP_SPEED;
+}
+
+// The action that the trajectory shows in the present step: that of its mean acceleration, unless
+// it begins with another motion.
+static verge_action action_driven(const verge_vehicle_plan* plan)
+{
+    VERGE_ASSERT(plan->point_count >= 2);
+    const double step_s = plan->actions[0].t1;
+    const double first = mean_acceleration(plan, vg_min(step_begin_s, step_s));
+    const verge_action action = action_of(mean_acceleration(plan, step_s));
+    const bool fits = action == VERGE_ACCELERATE   ? first >= -action_from
+                      : action == VERGE_DECELERATE ? first <= action_from
+                                                   : vg_abs(first) <= keeping_within;
+    return fits ? action : action_of(first);
+}
+
+// People read the action of the present step and see the motion: it is that of the trajectory
+// unless it changes lane. The decision keeps its own.
+static void set_present_action(const vg_workspace* workspace, verge_vehicle_plan* plan)
+{
+    verge_action_step* step = &plan->actions[0];
+    const bool changes = vg_action_changes_lane((uint8_t)step->action)
+                         && plan->status == VERGE_PLANNED && !workspace->keeps_lane;
+    if (plan->action_count == 0 || changes) {
+        return;
+    }
+    const verge_action driven = action_driven(plan);
+    step->brake_light = step->brake_light && driven == VERGE_DECELERATE;
+    step->action = driven;
+}
+
 // Brake lights depend on the deceleration of the trajectory, not only on the decided action.
 static void set_brake_lights(verge_vehicle_plan* plan)
 {
@@ -222,6 +274,7 @@ static void set_brake_lights(verge_vehicle_plan* plan)
 
 void vg_job_end(const vg_job* job, const vg_workspace* workspace, verge_vehicle_plan* plan)
 {
+    set_present_action(workspace, plan);
     set_brake_lights(plan);
     plan->change_lane_id = lane_changed_to(job, plan);
     plan->change_end = workspace->lateral_end;

@@ -72,8 +72,9 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
     bool found = false;
     for (uint32_t attempt = 0; attempt < 4 && !found; ++attempt) {
         const chain chain = { job, tracks, attempt >= 2 };
-        found = attempt % 2 == 0 ? plan_chain(ws, &chain, job->segments, job->segment_count)
-                                 : plan_chain(ws, &chain, &keep, 1);
+        ws->keeps_lane = attempt % 2 != 0;
+        found = ws->keeps_lane ? plan_chain(ws, &chain, &keep, 1)
+                               : plan_chain(ws, &chain, job->segments, job->segment_count);
     }
     if (!found) {
         const vg_refusals* r = &ws->refusals;

@@ -32,6 +32,7 @@ struct vg_workspace {
     vg_limits limits;         ///< of the vehicle's body
     uint32_t lane;            ///< reference lane at the end of the trajectory so far
     double   s;               ///< [m] coordinate of the rear axle there, on the path of this lane
+    bool     keeps_lane;      ///< the decided segments were given up for the present lane
     double   lateral_end;     ///< [s] end of the lateral motion of the first segment
     verge_cost cost;          ///< of the trajectory so far
     vg_refusals refusals;

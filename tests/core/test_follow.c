@@ -29,7 +29,7 @@ static void pair_make(pair* p, double curvature, double speed, double accelerati
     vg_path_build(&p->path, w->road, 1, -1, job->s - 30.0, job->s + 250.0);
     p->state = (vg_state){ job->s - AXLE, speed, acceleration, 0, 0, 0, true };
     p->following = (vg_following){ &p->path, &w->tracks, 0, AXLE, 0, w->def.points - 1,
-                                   w->def.point_s * (w->def.points - 1), GAP, 0.2 };
+                                   w->def.point_s * (w->def.points - 1), GAP, 0.2, 0.0 };
 }
 
 /// Bumper to bumper at the end of the segment, along the lane. [m]

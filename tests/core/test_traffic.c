@@ -287,6 +287,7 @@ static void the_actions_left_are_those_whose_new_speed_lies_in_the_window(void**
     (void)state;
     test_rng rng = test_rng_seeded("speed window");
     stage* at = stage_open(3, 2000.0);
+    at->def.search = VERGE_SEARCH_PAPER; // its rules
     uint32_t told[8] = { 0 }, changes[4] = { 0 };
     for (uint32_t k = 0; k < test_rounds(20000); ++k) {
         const uint32_t planned = 1 + test_rng_below(&rng, 6), humans = test_rng_below(&rng, 6);

@@ -237,7 +237,7 @@ static bool way_is_free(const ladder* all)
     const uint32_t last = def->points - 1;
     const vg_following ahead = { all->path, all->tracks, all->job->track_index,
                                  all->ws->limits.rear_axle, 0, last, def->point_s * last,
-                                 def->idm_gap, def->clearance };
+                                 def->idm_gap, def->clearance, 0.0 };
     return all->ws->motion[last].speed
            <= vg_follow_speed(&ahead, &all->state, def->comfort_braking);
 }

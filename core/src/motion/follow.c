@@ -62,7 +62,7 @@ static double distance_behind(const vg_following* f, const vg_state* from, const
     const double reach_left = other->half_length * across + other->half_width * vg_abs(along);
     const double reach_ahead = other->half_length * vg_abs(along) + other->half_width * across;
     const double v = other->speed[f->last];
-    if (vg_abs(d) > own->half_width + reach_left + f->clearance
+    if (vg_abs(d - f->offset) > own->half_width + reach_left + f->clearance
         || (vg_abs(along) < same_direction && vg_abs(v) > standing)) {
         return VG_HUGE;
     }

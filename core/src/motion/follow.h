@@ -25,10 +25,11 @@ typedef struct vg_following {
     double   T;            ///< [s] duration of the segment
     double   gap;          ///< [m] between the bodies at standstill
     double   clearance;    ///< [m] lateral gap below which a body is in the path
+    double   offset;       ///< [m] of the own body from the path at the end of the segment
 } vg_following;
 
 /// Highest end speed [m/s] from which braking [m/s^2] keeps the gap to all bodies that are ahead at
-/// the start of the segment, are in the path at its end, and stand or move in the same direction.
+/// the start of the segment, are in the path at its end, and stand or move along it, either way.
 /// Below zero: the vehicle has to stop earlier, after T v0 / (v0 - speed). VG_HUGE: no body is
 /// near.
 double vg_follow_speed(const vg_following* following, const vg_state* from, double braking);

@@ -12,6 +12,13 @@
 static const double beyond_centre = 0.05;
 // A change that ends this near to a centre is complete. [m]
 static const double complete_within = 0.05;
+// An offset in the lane that is meant, and one that has not changed. [m]
+static const double offset_min = 0.05;
+static const double offset_slack = 1e-3;
+// Lateral motion of a decision step: largest change of d per distance driven, and per second, as in
+// moves.c. [1], [m/s]
+static const double lateral_slope = 0.5;
+static const double lateral_speed = 1.0;
 // Shortest duration of the rest of a lane change. [s]
 static const double finish_min = 1.0;
 // Farther than this from the centre a lane change is in progress, as VG_CENTRED. [m]
@@ -49,6 +56,30 @@ static void set_end_beyond_lane(const verge_road* road, const vg_expected_state*
                                                        : (double)end->d;
 }
 
+// The d to which a step that keeps the lane moves. One that comes closer to the centre, and by as much
+// as a vehicle can in a step, is on its way to the centre. [m]
+static double kept_offset(const vg_expected* expected, uint32_t step)
+{
+    const vg_expected_state *start = &expected->states[step], *end = &expected->states[step + 1u];
+    const double from = vg_abs((double)start->d), to = vg_abs((double)end->d);
+    const double dt = expected->t[step + 1u] - expected->t[step];
+    const double reach = dt * vg_min(lateral_slope * (double)start->v, lateral_speed);
+    const bool returns = to < from - offset_slack && from - to > reach - offset_slack;
+    return returns || to < offset_min ? 0.0 : (double)end->d;
+}
+
+// Is step t a part of the same motion as the step before it?
+static bool continues_step(const vg_expected* expected, uint32_t t)
+{
+    const uint8_t action = expected->actions[t];
+    if (action != expected->actions[t - 1u]) {
+        return false;
+    }
+    const double before = kept_offset(expected, t - 1u), now = kept_offset(expected, t);
+    return vg_action_changes_lane(action) || vg_abs(now - before) < offset_min
+           || (now * before > 0.0 && vg_abs(now) > vg_abs(before));
+}
+
 // Sets the end of a segment that covers the steps [from, to). Of the last step only `part` lies
 // within the horizon.
 static void set_end(const verge_road* road, const vg_expected* expected, uint32_t from, uint32_t to,
@@ -66,7 +97,7 @@ static void set_end(const verge_road* road, const vg_expected* expected, uint32_
     segment->action = (verge_action)action;
     segment->v = (double)last->v + part * (double)(end->v - last->v);
     segment->lane = start->lane;
-    segment->d = 0.0;
+    segment->d = kept_offset(expected, to - 1u);
     if (vg_action_changes_lane(action) && road->lanes[end->lane].bundle == lane->bundle) {
         // The end of the change determines the lane. A change cut by the horizon covers a part of
         // it.
@@ -91,9 +122,8 @@ void vg_segments_from(const vg_expected* expected, vg_job* job)
     const double* t = expected->t;
     job->segment_count = 0;
     for (uint32_t from = 0; from < expected->step_count && t[from] < horizon - 1e-9;) {
-        const uint8_t action = expected->actions[from];
         uint32_t to = from + 1u;
-        while (to < expected->step_count && expected->actions[to] == action
+        while (to < expected->step_count && continues_step(expected, to)
                && t[to] < horizon - 1e-9) {
             ++to;
         }

@@ -26,20 +26,22 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
     VERGE_ASSERT(def->sample_offsets <= VERGE_SAMPLE_OFFSETS_MAX);
 
     const bool changing = vg_action_changes_lane(segment->action);
+    const bool beside = segment->d != 0.0; // a place in the lane that was decided
     const double half = changing ? def->region_offset : def->keep_region_offset;
     const double low = segment->d - half, high = segment->d + half;
     batch->offset_count = spread(batch->offsets, def->sample_offsets, low, segment->d, high);
 
     const double points = batch->last - batch->start;
     for (uint32_t i = 0; i < batch->offset_count; ++i) {
-        batch->offset_penalties[i] = changing ? VG_DECISION_PULL_OFFSET * points
+        batch->offset_penalties[i] = changing || beside ? VG_DECISION_PULL_OFFSET * points
                                                     * vg_square(batch->offsets[i] - segment->d)
                                               : 0.0;
     }
 
     // A third of the speeds samples braking below the region, if the region has a lower floor.
     const vg_following following = { path, tracks, job->track_index, limits->rear_axle,
-                                     batch->start, batch->last, T, def->idm_gap, def->clearance };
+                                     batch->start, batch->last, T, def->idm_gap, def->clearance,
+                                     changing ? 0.0 : segment->d };
     const region v = speed_region(job, segment, reference, &following, start, emergency);
     double speeds[VERGE_SAMPLE_SPEEDS_MAX];
     const uint32_t braking = v.floor < v.low ? def->sample_speeds / 3 : 0;

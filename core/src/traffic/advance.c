@@ -2,6 +2,7 @@
 #include "traffic/advance.h"
 #include "base/contract.h"
 
+#include "traffic/goal.h"
 #include "traffic/humans.h"
 #include "traffic/pairs.h"
 #include "traffic/reward.h"
@@ -110,4 +111,7 @@ static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* nex
         place = vg_bin_at(&road->lanes[next->lane[slot]], next->station[slot]);
     }
     vg_flow_set_road_fields(next, slot, place);
+    if (model->body_count > 0 && slot < model->controlled_count) {
+        vg_goal_limit(model, next, slot);
+    }
 }

@@ -64,6 +64,15 @@ typedef enum vg_standing {
     VG_STATIC,              ///< without a cause, beside the lane's centre, across it or facing back
 } vg_standing;
 
+/// A static body that reaches into a lane, in the terms of that lane.
+typedef struct vg_body_beside {
+    int32_t lane;      ///< index
+    float   from, to;  ///< [m] stations
+    float   low, high; ///< [m] d of its sides
+    bool    narrow;    ///< less than 1 m wide
+} vg_body_beside;
+enum { VG_BODIES_MAX = 32 }; ///< of a scene; more are not passed within the lane
+
 /// Converts the station and y of another vehicle to the axes of the observing vehicle.
 typedef struct vg_pair {
     float offset;  ///< [m] add to the other's station
@@ -112,6 +121,8 @@ typedef struct vg_model {
     bool     faces_back[VERGE_VEHICLES_MAX];   ///< the body points against its lane
     bool     turned[VERGE_VEHICLES_MAX];       ///< by more than 30 degrees to its lane
     uint8_t  standing[VERGE_VEHICLES_MAX];     ///< vg_standing, of the scene
+    vg_body_beside bodies[VG_BODIES_MAX];      ///< see goal.h
+    uint32_t body_count;                       ///< 0 in most scenes, and in that of the paper
     float    gain[VERGE_CONTROLLED_MAX];       ///< [m/s] speed gained by AC in a step
     float    loss[VERGE_CONTROLLED_MAX];       ///< [m/s] speed lost by DC in a step
     float    stop[VERGE_CONTROLLED_MAX];       ///< [s^2/m] stopping distance of DC over v squared

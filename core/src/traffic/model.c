@@ -3,6 +3,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "traffic/goal.h"
 #include "traffic/standing.h"
 
 #include <string.h>
@@ -214,6 +215,10 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     vg_flow_derive(model, flow);
     if (model->best) {
         vg_model_classify(model, flow);
+        vg_model_find_bodies(model, flow);
+        if (model->body_count > 0) { // once more: bodies lower speed limits
+            vg_flow_derive(model, flow);
+        }
     }
 }
 
@@ -222,6 +227,9 @@ void vg_flow_derive(const vg_model* model, vg_flow* flow)
     for (uint32_t slot = 0; slot < model->count; ++slot) {
         vg_flow_set_road_fields(flow, slot, vg_bin_at(&model->road->lanes[flow->lane[slot]],
                                                       flow->station[slot]));
+        if (model->body_count > 0 && slot < model->controlled_count) {
+            vg_goal_limit(model, flow, slot);
+        }
     }
 }
 

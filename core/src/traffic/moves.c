@@ -2,6 +2,7 @@
 #include "traffic/moves.h"
 
 #include "base/contract.h"
+#include "traffic/goal.h"
 #include "traffic/humans.h"
 #include "traffic/order.h"
 #include "traffic/pairs.h"
@@ -90,14 +91,16 @@ VG_INLINE float change_reach(const vg_model* model, const vg_flow* flow, uint32_
     return vg_maxf(vg_maxf(flow->left_gap[i], flow->right_gap[i]), 3.0f) * part;
 }
 
-// Lane keeping returns to the centre of the lane. No lateral motion is steeper than change_slope.
+// Lane keeping returns to the centre of the lane, or to where there is room beside a body. No lateral
+// motion is steeper than change_slope.
 static void lateral_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 {
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         const float d = flow->d[i], y = flow->y[i];
         const float slope = change_slope * flow->v[i] * (float)model->def->step_s;
         const float reach = vg_minf(change_reach(model, flow, i), slope);
-        moves->y[0][i] = y + vg_maxf(vg_minf(-d, reach), -reach);
+        const float goal = vg_lane_goal(model, flow, i, moves->station[0][i]);
+        moves->y[0][i] = y + vg_maxf(vg_minf(goal - d, reach), -reach);
         moves->y[1][i] = y + change_distance(flow, i, true, reach);
         moves->y[2][i] = y - change_distance(flow, i, false, reach);
     }

@@ -3,11 +3,13 @@
 /// that passes every exact check is taken. Its end is the start of the next segment.
 ///
 /// Attempts, until one succeeds: as decided; in the present lane for the whole horizon; both again
-/// without the limits of normal driving; the fallback.
+/// without the limits of normal driving; the fallback. A slow vehicle that is turned against its
+/// lane straightens out before all these (straighten.h).
 #include "motion/sampler.h"
 
 #include "motion/contact.h"
 #include "base/contract.h"
+#include "motion/straighten.h"
 #include "motion/target.h"
 #include "motion/trailer.h"
 #include "motion/workspace.h"
@@ -28,6 +30,7 @@ typedef struct chain {
     bool emergency;
 } chain;
 
+static bool attempt_chains(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* segments,
                        uint32_t count);
 static bool plan_rest(vg_workspace* ws, const chain* chain, const vg_segment* segments,
@@ -66,16 +69,9 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
         vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OVERLAP_NOW);
         return;
     }
-    const vg_segment keep = { .t1 = job->def->point_s * (job->def->points - 1),
-                              .action = VERGE_KEEP_SPEED, .lane = job->lane, .s = job->s,
-                              .v = job->vehicle->speed };
-    bool found = false;
-    for (uint32_t attempt = 0; attempt < 4 && !found; ++attempt) {
-        const chain chain = { job, tracks, attempt >= 2 };
-        ws->keeps_lane = attempt % 2 != 0;
-        found = ws->keeps_lane ? plan_chain(ws, &chain, &keep, 1)
-                               : plan_chain(ws, &chain, job->segments, job->segment_count);
-    }
+    ws->keeps_lane = true;
+    const bool found = (vg_straighten_applies(ws, job) && vg_straighten(ws, job, tracks))
+                       || attempt_chains(ws, job, tracks);
     if (!found) {
         const vg_refusals* r = &ws->refusals;
         const verge_reason reason = r->overlap        ? VERGE_REASON_OVERLAP_NOW
@@ -89,6 +85,21 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
     plan->status = ws->refusals.overlap ? VERGE_FALLBACK_KEEP_LANE : VERGE_PLANNED;
     plan->reason = ws->refusals.overlap ? VERGE_REASON_OVERLAP_NOW : VERGE_REASON_NONE;
     vg_workspace_emit(ws, job, plan);
+}
+
+static bool attempt_chains(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
+{
+    const vg_segment keep = { .t1 = job->def->point_s * (job->def->points - 1),
+                              .action = VERGE_KEEP_SPEED, .lane = job->lane, .s = job->s,
+                              .v = job->vehicle->speed };
+    bool found = false;
+    for (uint32_t attempt = 0; attempt < 4 && !found; ++attempt) {
+        const chain chain = { job, tracks, attempt >= 2 };
+        ws->keeps_lane = attempt % 2 != 0;
+        found = ws->keeps_lane ? plan_chain(ws, &chain, &keep, 1)
+                               : plan_chain(ws, &chain, job->segments, job->segment_count);
+    }
+    return found;
 }
 
 static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* segments,

@@ -1,0 +1,157 @@
+/// Goal: a vehicle that stands turned against its lane straightens out and drives on.
+/// Method: cycles of 0.5 s on straight and bent roads of one or two lanes, turned by up to 60
+/// degrees to both sides; the strict judge's limits of the body; the place of the body's axis.
+#include "check.h"
+
+#include "rng.h"
+#include "strict.h"
+#include "verge/verge.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum { POINTS = 161 };
+static const double WIDTH = 3.5; // [m]
+
+typedef struct site {
+    void*             memory;
+    verge_planner_def def;
+    verge_planner*    planner;
+} site;
+
+/// `lanes` lanes side by side, the rightmost through the origin, with this curvature.
+static site site_make(uint32_t lanes, double curvature)
+{
+    static double points[2][POINTS][2];
+    verge_lane_def defs[2];
+    memset(defs, 0, sizeof defs);
+    for (uint32_t l = 0; l < lanes; ++l) {
+        for (int i = 0; i < POINTS; ++i) {
+            const double s = i * 1.5, k = curvature;
+            const double x = k == 0.0 ? s : sin(k * s) / k;
+            const double y = k == 0.0 ? 0.0 : (1.0 - cos(k * s)) / k;
+            points[l][i][0] = x - WIDTH * l * sin(k * s);
+            points[l][i][1] = y + WIDTH * l * cos(k * s);
+        }
+        defs[l] = (verge_lane_def){ .id = (int32_t)l, .points = (const double (*)[2])points[l],
+                                    .point_count = POINTS, .width = WIDTH, .speed_limit = 13.9,
+                                    .left = l + 1 < lanes ? 1 : VERGE_NO_LANE,
+                                    .right = l == 1 ? 0 : VERGE_NO_LANE };
+    }
+    site at = { .def = verge_planner_default_def() };
+    at.def.road = (verge_road_def){ defs, lanes };
+    at.def.iterations = 100;
+    at.def.controlled_max = 1;
+    at.def.vehicles_max = 2;
+    const size_t size = (verge_planner_memory_size(&at.def) + 63) / 64 * 64;
+    at.memory = aligned_alloc(64, size);
+    assert_int_equal(verge_planner_init(&at.planner, &at.def, at.memory, size), VERGE_OK);
+    return at;
+}
+
+static verge_vehicle standing(const site* at, double s, double d, double turned)
+{
+    verge_vehicle vehicle = verge_vehicle_default();
+    vehicle.id = 1;
+    vehicle.length = 4.8;
+    vehicle.width = 1.9;
+    verge_road_at(verge_planner_road(at->planner), 0, s, d, &vehicle.x, &vehicle.y,
+                  &vehicle.heading);
+    vehicle.heading += turned;
+    return vehicle;
+}
+
+static void drive_on(const verge_vehicle_plan* plan, verge_vehicle* vehicle)
+{
+    const verge_point* p = &plan->points[5];
+    vehicle->x = p->x;
+    vehicle->y = p->y;
+    vehicle->heading = p->heading;
+    vehicle->speed = p->speed;
+    vehicle->acceleration = p->acceleration;
+    vehicle->yaw_rate = p->speed * p->curvature;
+}
+
+/// How far the ends of the body's axis lie beside the lanes. [m]
+static double beside(const site* at, const verge_vehicle* vehicle, uint32_t lanes)
+{
+    const verge_road* road = verge_planner_road(at->planner);
+    double most = 0.0;
+    for (int end = -1; end <= 1; end += 2) {
+        const double x = vehicle->x + 0.5 * end * vehicle->length * cos(vehicle->heading);
+        const double y = vehicle->y + 0.5 * end * vehicle->length * sin(vehicle->heading);
+        const double d = verge_road_project_on(road, 0, x, y).d;
+        most = fmax(most, fmax(-0.5 * WIDTH - d, d - (lanes - 0.5) * WIDTH));
+    }
+    return most;
+}
+
+static void turned_against_its_lane_it_comes_back_and_drives_on(void** state)
+{
+    (void)state;
+    static verge_plan plan;
+    test_rng rng = test_rng_seeded("turned");
+    for (uint32_t round = 0; round < test_rounds(60); ++round) {
+        const uint32_t lanes = 1 + round % 2;
+        const double curvature = round % 3 == 0 ? 0.0 : round % 3 == 1 ? 0.01 : -0.01;
+        const site at = site_make(lanes, curvature);
+        const double most = lanes == 2 ? M_PI / 3.0 : M_PI / 5.0; // beside the road there is none
+        const double low = lanes == 2 ? 0.0 : -most;
+        const double turned = test_rng_between(&rng, low, most);
+        verge_vehicle vehicle = standing(&at, 40.0, test_rng_between(&rng, -0.1, 0.3), turned);
+        vehicle.controlled = true;
+        const double start = fmax(beside(&at, &vehicle, lanes), 0.0);
+        const double x = vehicle.x, y = vehicle.y;
+        for (int64_t cycle = 0; cycle < 40; ++cycle) {
+            assert_int_equal(verge_planner_step(at.planner, 500000 * cycle, &vehicle, 1, &plan),
+                             VERGE_OK);
+            assert_int_equal(plan.vehicles[0].status, VERGE_PLANNED);
+            char text[160];
+            const verge_body body = verge_vehicle_body(&vehicle);
+            const char* fault = strict_motion_fault(&plan.vehicles[0], &body, 0.1, text);
+            if (fault != NULL) {
+                fail_msg("round %u, cycle %d: %s: %s", round, (int)cycle, fault, text);
+            }
+            drive_on(&plan.vehicles[0], &vehicle);
+            CHECK_AT_MOST(beside(&at, &vehicle, lanes), start + 0.3);
+        }
+        assert_true(hypot(vehicle.x - x, vehicle.y - y) > 40.0);
+        const verge_lane_position on =
+            verge_road_project_on(verge_planner_road(at.planner), 0, vehicle.x, vehicle.y);
+        CHECK_NEAR(on.d, 0.0, 0.5);
+        CHECK_NEAR(remainder(vehicle.heading - on.heading, 2.0 * M_PI), 0.0, 0.05);
+        free(at.memory);
+    }
+}
+
+static void while_it_stands_it_keeps_its_heading(void** state)
+{
+    (void)state;
+    static verge_plan plan;
+    const site at = site_make(1, 0.0);
+    for (int degrees = -80; degrees <= 80; degrees += 10) {
+        const double turned = degrees * M_PI / 180.0;
+        verge_vehicle vehicles[2] = { standing(&at, 40.0, 0.0, turned),
+                                      standing(&at, 46.0, 0.0, M_PI / 2.0) };
+        vehicles[0].controlled = true;
+        vehicles[1].id = 2;
+        verge_planner_reset(at.planner);
+        assert_int_equal(verge_planner_step(at.planner, 0, vehicles, 2, &plan), VERGE_OK);
+        const verge_vehicle_plan* own = &plan.vehicles[0];
+        for (uint32_t k = 1; k < own->point_count && own->points[k].speed == 0.0; ++k) {
+            CHECK_NEAR(own->points[k].heading, turned, 1e-6);
+            CHECK_NEAR(own->points[k].x, vehicles[0].x, 1e-6);
+            CHECK_NEAR(own->points[k].y, vehicles[0].y, 1e-6);
+        }
+    }
+    free(at.memory);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(turned_against_its_lane_it_comes_back_and_drives_on),
+        cmocka_unit_test(while_it_stands_it_keeps_its_heading),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -17,6 +17,7 @@ static bool scenario_build(scenario* scene, const uint64_t* seed);
 static void simulation_from_json(const json_at* root, scenario* scene);
 static bool vehicles_from_json(const json_at* at, scenario* scene);
 static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehicle* vehicle);
+static void parked_from_json(const json_at* at, scenario_vehicle* vehicle);
 static void track_from_json(const json_at* at, scenario_vehicle* vehicle);
 static void row_from_json(const json_at* at, scenario_row* row);
 static bool planner_build(const json_at* root, scenario* scene);
@@ -210,7 +211,7 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
 {
     static const char* const keys[] = { "id", "control", "x", "y", "heading", "speed",
                                         "acceleration", "length", "width", "body", "target_lane",
-                                        "habit", "track", "yields", NULL };
+                                        "habit", "track", "yields", "parked", NULL };
     static const char* const controls[] = { "human", "controlled", NULL };
     if (!json_expect_object(at, keys)) {
         return;
@@ -247,6 +248,21 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
     if (json_given(&yields) && (start->controlled || vehicle->track_count > 0)) {
         json_fail(&yields, "is given for a vehicle that is controlled or follows a track, expected"
                            " on humans without a track only");
+    }
+    parked_from_json(at, vehicle);
+}
+
+static void parked_from_json(const json_at* at, scenario_vehicle* vehicle)
+{
+    const json_at       parked = json_member(at, "parked");
+    const verge_vehicle* start = &vehicle->start;
+    vehicle->parked = json_bool_or(at, "parked", false);
+    if (json_given(&parked) && (start->controlled || vehicle->track_count > 0)) {
+        json_fail(&parked, "is given for a vehicle that is controlled or follows a track, expected"
+                           " on humans without a track only");
+    } else if (vehicle->parked && (start->speed != 0.0 || start->acceleration != 0.0)) {
+        json_fail(&parked, "is given for a vehicle at %g m/s and %g m/s^2, expected 0 and 0",
+                  start->speed, start->acceleration);
     }
 }
 

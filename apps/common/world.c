@@ -114,6 +114,35 @@ void world_advance(world* self)
     }
 }
 
+/// Does the lane go on past this point?
+static bool goes_on(const world* self, int32_t lane, double x, double y)
+{
+    static const double least = 20.0; // [m] a shorter rest is the end of the road
+    if (lane == VERGE_NO_LANE) {
+        return false;
+    }
+    const double s = verge_road_project_on(self->road, lane, x, y).s;
+    return verge_road_next(self->road, lane, VERGE_NO_LANE) != VERGE_NO_LANE ||
+           verge_road_length(self->road, lane) - s >= least;
+}
+
+bool world_dead_end(const world* self, int32_t lane)
+{
+    const verge_road_def* road = &self->scene->def.road;
+    double x = 0.0, y = 0.0;
+    if (verge_road_next(self->road, lane, VERGE_NO_LANE) != VERGE_NO_LANE ||
+        !verge_road_at(self->road, lane, verge_road_length(self->road, lane), 0.0, &x, &y, NULL)) {
+        return false;
+    }
+    for (uint32_t i = 0; i < road->lane_count; ++i) {
+        if (road->lanes[i].id == lane) {
+            return goes_on(self, road->lanes[i].left, x, y) ||
+                   goes_on(self, road->lanes[i].right, x, y);
+        }
+    }
+    return false;
+}
+
 const verge_action_step* world_action(const world* self, const world_vehicle* vehicle)
 {
     const double t = world_time(self) - vehicle->plan_time;
@@ -143,6 +172,8 @@ static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicl
     if (vehicle->origin->track_count > 0) {
         vehicle->present = scenario_track_at(vehicle->origin, now, &vehicle->state);
         vehicle->left = !vehicle->present;
+    } else if (vehicle->origin->parked) {
+        return;
     } else if (!vehicle->state.controlled) {
         vehicle->state = *as_human;
     } else if (!vehicle->planned) {
@@ -265,6 +296,7 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
         verge_road_next(self->road, lane, state->target_lane) == VERGE_NO_LANE) {
         vehicle->present = false;
         vehicle->left = true;
-        vehicle->off_road = was_off_road; // leaving at the end of the road does not count
+        // Leaving at the end of the road does not count.
+        vehicle->off_road = was_off_road || (state->controlled && world_dead_end(self, lane));
     }
 }

@@ -15,6 +15,7 @@
 ///             a cancelled plan, they keep their lane and brake gently. Before the first plan they
 ///             keep their lane at constant speed.
 /// Humans      Follow their track, or the car-following model with which the planner predicts them.
+///             Parked ones stand.
 ///             They see the signals, but for those that keep no rule.
 /// Leaving     A vehicle leaves after the last row of its track, or at the end of a lane without a
 ///             successor.
@@ -35,7 +36,8 @@ typedef struct world_vehicle {
     bool     left;           ///< has left the scene for good
     int32_t  lane;           ///< the lane that contains its centre, else VERGE_NO_LANE
     int32_t  lane_last;      ///< the last lane that contained it
-    bool     off_road;       ///< on no lane, or left the scene while it was on none
+    bool     off_road;       ///< on no lane, or left the scene while it was on none, or, if it is
+                             ///< controlled, over the end of a lane beside one that goes on
     bool     planned;        ///< `plan` is valid
     double   plan_time;      ///< [s] t = 0 of its plan, in the world's time
     verge_vehicle_plan plan;
@@ -71,6 +73,9 @@ void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
 
 /// Moves all vehicles by one tick.
 void world_advance(world* self);
+
+/// Does a lane end without a successor beside one that goes on? A vehicle has to leave it before.
+bool world_dead_end(const world* self, int32_t lane);
 
 /// The step of the vehicle's plan that is active now; null: there is none.
 const verge_action_step* world_action(const world* self, const world_vehicle* vehicle);

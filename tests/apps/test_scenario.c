@@ -320,6 +320,8 @@ static void test_priorities_and_signals_are_read_and_refused_by_their_field(void
     }
     refused("\"habit\": \"aggressive\"", "\"yields\": false", "vehicles[0].yields: is given for a");
     refused("\"track\": [", "\"yields\": false, \"track\": [", "vehicles[1].yields: is given for a");
+    refused("\"habit\": \"aggressive\"", "\"parked\": true", "vehicles[0].parked: is given for a");
+    refused("\"track\": [", "\"parked\": true, \"track\": [", "vehicles[1].parked: is given for a");
 }
 
 static void test_a_signal_shows_its_phases_one_after_the_other_for_ever(void** state)

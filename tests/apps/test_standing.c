@@ -1,5 +1,5 @@
-/// Goal: a vehicle that stands has a cause where another vehicle is not behind it or its lane ends
-/// within view, along whatever lanes lead on; none elsewhere.
+/// Goal: a vehicle that stands has a cause where somebody moves nearby, or where a body or the end of
+/// the road is in its way, along whatever lanes lead on; none elsewhere.
 /// Method: one vehicle placed by hand on a road of lanes in sequence, on a lane that ends beside
 /// them, and on a ring; the distance to the end is a closed form.
 #include "check.h"
@@ -66,20 +66,29 @@ static void test_the_end_of_the_road_is_a_cause_across_lanes(void** state)
     (void)state;
     stage self;
     open_stage(&self);
-    for (int x = 5; x < 200; x += 5) { // the road ends at 200; the view is 50 m
+    for (int x = 5; x < 200; x += 5) { // the road ends at 200; the front is 2.5 m ahead
         const int32_t lane = x < 100 ? 0 : x < 110 ? 1 : 2;
-        assert_int_equal(stands(&self, x + 0.5, 0.0, lane, 0.0), x < 150);
+        assert_int_equal(stands(&self, x + 0.5, 0.0, lane, 0.0), x + 0.5 + 2.5 + 15.0 <= 200.0);
     }
     close_stage(&self);
 }
 
-static void test_the_end_of_a_lane_that_nothing_continues_is_a_cause(void** state)
+static void test_a_lane_that_ends_beside_one_that_goes_on_is_to_be_left(void** state)
 {
     (void)state;
     stage self;
     open_stage(&self);
+    assert_true(world_dead_end(&self.world, 3));
+    for (int32_t lane = 0; lane < 3; ++lane) {
+        assert_false(world_dead_end(&self.world, lane));
+    }
     assert_true(stands(&self, 49.0, -4.0, 3, 0.0));
-    assert_false(stands(&self, 51.0, -4.0, 3, 0.0)); // it waits for a gap
+    assert_true(stands(&self, 95.0, -4.0, 3, 0.0)); // the lane beside is empty
+    self.world.vehicles[1].present = true;
+    self.world.vehicles[1].state.x = 80.0;
+    self.world.vehicles[1].state.y = 0.0;
+    self.world.vehicles[1].state.speed = 5.0;
+    assert_false(stands(&self, 95.0, -4.0, 3, 0.0)); // it waits for a gap
     close_stage(&self);
 }
 
@@ -100,29 +109,47 @@ static void test_off_the_road_only_vehicles_are_a_cause(void** state)
     open_stage(&self);
     assert_true(stands(&self, 195.0, 30.0, VERGE_NO_LANE, 0.0));
     self.world.vehicles[1].present = true;
-    self.world.vehicles[1].state.x = 240.0;
+    self.world.vehicles[1].state.x = 210.0;
     self.world.vehicles[1].state.y = 30.0;
     assert_false(stands(&self, 195.0, 30.0, VERGE_NO_LANE, 0.0));
     close_stage(&self);
 }
 
-static void test_ahead_means_along_the_heading(void** state)
+static void test_a_body_that_stands_is_a_cause_only_in_the_way(void** state)
 {
     (void)state;
     stage self;
     open_stage(&self);
     verge_vehicle* other = &self.world.vehicles[1].state;
     self.world.vehicles[1].present = true;
-    for (int degrees = -180; degrees < 180; degrees += 15) {
-        const double heading = degrees * 3.14159265358979323846 / 180.0;
-        self.world.vehicles[0].state.heading = heading;
-        for (int turn = -175; turn <= 175; turn += 10) { // never exactly beside it
-            const double to = heading + turn * 3.14159265358979323846 / 180.0;
-            other->x = 50.0 + 49.0 * cos(to);
-            other->y = 49.0 * sin(to);
-            const bool ahead = turn > -90 && turn < 90;
-            assert_int_equal(stands(&self, 50.0, 0.0, 0, 0.0), !ahead);
+    for (int x = -10; x <= 40; x += 5) {
+        for (int y = -6; y <= 6; y += 2) {
+            other->x = 92.0 + x; // beyond the end of lane 0, too
+            other->y = y;
+            const bool in_way = x > -2 && x <= 20 && y > -3 && y < 3;
+            assert_int_equal(stands(&self, 92.0, 0.0, 0, 0.0), !in_way);
         }
+    }
+    other->x = 0.0; // round the bend of the ring
+    other->y = 110.0;
+    assert_false(stands(&self, 10.0, 100.0, 4, 0.0));
+    close_stage(&self);
+}
+
+static void test_whoever_moves_nearby_may_be_the_cause(void** state)
+{
+    (void)state;
+    stage self;
+    open_stage(&self);
+    verge_vehicle* other = &self.world.vehicles[1].state;
+    self.world.vehicles[1].present = true;
+    for (int distance = 30; distance <= 50; distance += 4) {
+        other->x = 50.0;
+        other->y = distance;
+        other->speed = 5.0;
+        assert_int_equal(stands(&self, 50.0, 0.0, 0, 0.0), distance > 40);
+        other->speed = 0.0;
+        assert_true(stands(&self, 50.0, 0.0, 0, 0.0));
     }
     close_stage(&self);
 }
@@ -145,10 +172,11 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_end_of_the_road_is_a_cause_across_lanes),
-        cmocka_unit_test(test_the_end_of_a_lane_that_nothing_continues_is_a_cause),
+        cmocka_unit_test(test_a_lane_that_ends_beside_one_that_goes_on_is_to_be_left),
         cmocka_unit_test(test_a_ring_has_no_end),
         cmocka_unit_test(test_off_the_road_only_vehicles_are_a_cause),
-        cmocka_unit_test(test_ahead_means_along_the_heading),
+        cmocka_unit_test(test_a_body_that_stands_is_a_cause_only_in_the_way),
+        cmocka_unit_test(test_whoever_moves_nearby_may_be_the_cause),
         cmocka_unit_test(test_moving_and_absent_vehicles_do_not_stand),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

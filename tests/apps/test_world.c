@@ -7,6 +7,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 /// Lane 0 (y = 0, to x = 200) and lane 1 (y = 4, to x = 200). Vehicle 1 is controlled; 2 drives
 /// a track from t = 0.5 to 1.5; 3 is human, 4 m before the end of the road.
@@ -217,6 +218,59 @@ static void test_off_the_road_is_on_no_lane_and_not_past_its_end(void** state)
     close_stage(&self);
 }
 
+static void test_over_the_end_of_a_lane_beside_one_that_goes_on_is_off_the_road(void** state)
+{
+    (void)state;
+    for (int shorter = 0; shorter < 2; ++shorter) {
+        char text[sizeof TEXT];
+        memcpy(text, TEXT, sizeof TEXT);
+        if (shorter != 0) { // lane 0 ends at 100 m, lane 1 goes on
+            memcpy(strstr(text, "[200, 0]"), "[100, 0]", 8);
+            char* third = strstr(text, "\"x\": 196, \"y\": 0");
+            memcpy(third, "\"x\": 196, \"y\": 4", 16);
+        }
+        stage self;
+        if (!scenario_parse(&self.scene, "world", text, sizeof text - 1, NULL)) {
+            fail_msg("%s", self.scene.file.error);
+        }
+        assert_true(world_init(&self.world, &self.scene));
+        const world_vehicle* vehicle = send_off(&self, 0.0);
+        while (vehicle->present && self.world.tick < 200) {
+            world_advance(&self.world);
+        }
+        assert_true(vehicle->left);
+        assert_int_equal(vehicle->off_road, shorter);
+        assert_int_equal(world_dead_end(&self.world, 0), shorter);
+        close_stage(&self);
+    }
+}
+
+static void test_a_parked_human_stands_as_it_was_put(void** state)
+{
+    (void)state;
+    char text[sizeof TEXT + 64];
+    const char* put = strstr(TEXT, "{ \"id\": 3");
+    snprintf(text, sizeof text, "%.*s{ \"parked\": true, \"id\": 3%s", (int)(put - TEXT), TEXT,
+             put + strlen("{ \"id\": 3"));
+    char* speed = strstr(strstr(text, "\"x\": 196"), "\"speed\": 10");
+    memcpy(speed, "\"speed\":  0", 11);
+    memcpy(strstr(strstr(text, "\"x\": 196"), "\"heading\": 0"), "\"heading\": 2", 12);
+    stage self;
+    if (!scenario_parse(&self.scene, "world", text, strlen(text), NULL)) {
+        fail_msg("%s", self.scene.file.error);
+    }
+    assert_true(world_init(&self.world, &self.scene));
+    for (int k = 0; k < 100; ++k) {
+        world_advance(&self.world);
+    }
+    const verge_vehicle* parked = &self.world.vehicles[2].state;
+    CHECK_NEAR(parked->x, 196.0, 0.0);
+    CHECK_NEAR(parked->y, 0.0, 0.0);
+    CHECK_NEAR(parked->heading, 2.0, 0.0);
+    CHECK_NEAR(parked->speed, 0.0, 0.0);
+    close_stage(&self);
+}
+
 static void test_the_action_of_a_tick_is_the_active_step(void** state)
 {
     (void)state;
@@ -251,6 +305,8 @@ int main(void)
         cmocka_unit_test(test_a_recorded_vehicle_is_there_from_its_first_row_to_its_last),
         cmocka_unit_test(test_a_vehicle_that_drives_off_the_end_of_the_road_leaves),
         cmocka_unit_test(test_off_the_road_is_on_no_lane_and_not_past_its_end),
+        cmocka_unit_test(test_over_the_end_of_a_lane_beside_one_that_goes_on_is_off_the_road),
+        cmocka_unit_test(test_a_parked_human_stands_as_it_was_put),
         cmocka_unit_test(test_the_action_of_a_tick_is_the_active_step),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -39,6 +39,7 @@ static void log_bus_errors(monitor* self, instant at);
 static void log_losses(monitor* self, instant at);
 static void log_over_capacity(monitor* self, instant at);
 static void log_refusals(monitor* self);
+static void log_lacking(monitor* self);
 static void log_expiry(monitor* self, instant at);
 static void notify_manager(monitor* self, instant at);
 
@@ -48,6 +49,7 @@ void monitor_each_second(monitor* self, instant at)
     log_losses(self, at);
     log_over_capacity(self, at);
     log_refusals(self);
+    log_lacking(self);
     log_expiry(self, at);
     monitor_publish(self, at);
     notify_manager(self, at);
@@ -116,6 +118,21 @@ static void log_refusals(monitor* self)
                   rx->rx_id_conflict, stats.malformed, stats.dropped, transport_refused(&stats));
     }
     self->refusals = refusals;
+}
+
+/// At most one line a second: states that are used without what they do not say.
+static void log_lacking(monitor* self)
+{
+    const inbox* inbox = &self->cycle->inbox;
+    const inbox_counters* rx = &inbox->counters;
+    const uint64_t lacking = rx->unknown_target + rx->incomplete;
+    if (lacking > self->lacking) {
+        log_event(LOG_WARNING, "states_incomplete",
+                  "new=%" PRIu64 " unknown_target=%" PRIu64 " no_heading_or_speed=%" PRIu64
+                  " last_vehicle=%" PRId32,
+                  lacking - self->lacking, rx->unknown_target, rx->incomplete, inbox->lacking_id);
+    }
+    self->lacking = lacking;
 }
 
 /// Once a day: certificates or permissions end soon.

@@ -25,6 +25,7 @@ typedef struct monitor {
     rsu_state    state;         ///< of the last status message
     uint32_t     faults;        ///< active at that time, bits 1 << rsu_fault
     uint64_t     refusals;      ///< refused states already in the log
+    uint64_t     lacking;       ///< incomplete states already in the log
     uint64_t     over_capacity; ///< the same of these alone
     uint64_t     record_dropped;      ///< a second ago
     uint64_t     record_dropped_logged; ///< in the log

@@ -386,14 +386,14 @@ static verge_vehicle_state_t spoil(test_rng* rng, verge_vehicle_state_t state)
     case 0: state.x = bad; break;
     case 1: state.y = bad; break;
     case 2: state.heading = INFINITY; break;
-    case 3: state.speed = (float)bad; break;
-    case 4: state.acceleration = (float)bad; break;
+    case 3: state.speed = INFINITY; break;
+    case 4: state.acceleration = -INFINITY; break;
     case 5: state.length = (float)bad; break;
     case 6: state.width = (float)bad; break;
     case 7: state.utime += 1000000; break;  // the future
     case 8: state.utime -= 60000000; break; // long ago
     case 9: state.y = 200.0; break;         // off the map
-    default: state.target_lane = 77; break; // no such lane
+    default: state.habit = 5; break;        // no such habit
     }
     return state;
 }

@@ -191,7 +191,7 @@ static void test_out_of_range_comes_before_everything_else(void** state)
 {
     (void)state;
     verge_vehicle_state_t bad = car(1, start + 3600000000);
-    bad.speed = NAN;
+    bad.speed = INFINITY;
     assert_int_equal(offer(bad, start), INBOX_OUT_OF_RANGE);
     assert_string_equal(box.fault_field, "speed");
     assert_int_equal(box.counters.rx_future, 0);
@@ -495,7 +495,7 @@ static void test_only_vehicles_that_the_last_plan_found_on_a_lane_are_not_projec
     free(memory);
 }
 
-static void test_states_off_the_road_and_unknown_target_lanes_are_distinguished(void** state)
+static void test_an_unknown_target_costs_the_target_and_off_the_road_the_place(void** state)
 {
     (void)state;
     void*                 memory;
@@ -508,23 +508,83 @@ static void test_states_off_the_road_and_unknown_target_lanes_are_distinguished(
     assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_OFF_MAP);
     s = car(3, start);
     s.target_lane = 4;
-    assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_OUT_OF_RANGE);
-    assert_string_equal(box.fault_field, "target_lane");
+    assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_ACCEPTED);
+    assert_int_equal(box.counters.unknown_target, 1);
+    assert_int_equal(box.lacking_id, 3);
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.controlled_count, 2);
+    assert_int_equal(view.vehicles[0].target_lane, 3);
+    assert_int_equal(view.vehicles[1].target_lane, VERGE_NO_LANE);
 
     // The same two, received before the road was changed to this one.
     s = car(2, start);
     s.y = 30.0;
     offer(s, start);
-    s = car(3, start);
+    s = car(4, start);
     s.target_lane = 4;
     offer(s, start);
     inbox_snapshot(&box, start, &view);
-    assert_int_equal(view.controlled_count, 3);
+    assert_int_equal(view.controlled_count, 4);
     inbox_review(&box, road);
     inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.count, 3);
+    assert_int_equal(view.cancelled_count, 1);
+    assert_int_equal(view.vehicles[2].id, 4);
+    assert_int_equal(view.vehicles[2].target_lane, VERGE_NO_LANE);
+    free(memory);
+}
+
+static void test_vehicles_that_get_no_plan_for_want_of_room_are_counted(void** state)
+{
+    (void)state;
+    inbox_limits limits = inbox_default_limits();
+    inbox_init(&box, &limits, 8, 2);
+    for (int32_t id = 1; id <= 5; ++id) {
+        offer(car(id, start), start);
+    }
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.count, 5);
+    assert_int_equal(view.controlled_count, 2);
+    assert_int_equal(box.counters.rx_over_capacity, 3);
+    inbox_snapshot(&box, start + 100000, &view);
+    assert_int_equal(box.counters.rx_over_capacity, 6);
+    assert_int_equal(view.cancelled_count, 0);
+}
+
+static void test_a_state_without_heading_or_speed_is_an_obstacle_and_gets_no_plan(void** state)
+{
+    (void)state;
+    void*                 memory;
+    const verge_road*     road = one_lane(&memory);
+    verge_vehicle_state_t s = car(1, start), next = car(1, start + 100000);
+    assert_int_equal(inbox_offer(&box, &s, start, road), INBOX_ACCEPTED);
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.controlled_count, 1);
+    next.heading = next.speed = NAN; // as it said last
+    assert_int_equal(inbox_offer(&box, &next, start + 100000, road), INBOX_ACCEPTED);
+    inbox_snapshot(&box, start + 100000, &view);
     assert_int_equal(view.count, 1);
-    assert_int_equal(view.vehicles[0].id, 1);
-    assert_int_equal(view.cancelled_count, 2);
+    assert_int_equal(view.controlled_count, 0);
+    assert_int_equal(view.cancelled_count, 1);
+    CHECK_NEAR(view.vehicles[0].speed, (double)s.speed, 1e-6);
+    CHECK_NEAR(view.vehicles[0].heading, (double)s.heading, 1e-6);
+    assert_int_equal(box.counters.incomplete, 1);
+
+    s = car(2, start + 100000); // a stranger: along the lane, at rest
+    s.y += 0.5;
+    s.heading = s.speed = s.acceleration = s.yaw_rate = NAN;
+    assert_int_equal(inbox_offer(&box, &s, start + 100000, road), INBOX_ACCEPTED);
+    next = car(1, start + 200000);
+    next.acceleration = NAN; // taken as 0: it gets its plan
+    assert_int_equal(inbox_offer(&box, &next, start + 200000, road), INBOX_ACCEPTED);
+    inbox_snapshot(&box, start + 200000, &view);
+    assert_int_equal(view.count, 2);
+    assert_int_equal(view.controlled_count, 1);
+    assert_true(view.vehicles[0].controlled);
+    CHECK_NEAR(view.vehicles[0].acceleration, 0.0, 0.0);
+    CHECK_NEAR(view.vehicles[1].speed, 0.0, 0.0);
+    CHECK_NEAR(view.vehicles[1].heading, 0.0, 1e-3);
+    assert_int_equal(box.counters.incomplete, 2);
     free(memory);
 }
 
@@ -601,7 +661,9 @@ int main(void)
         TEST(test_a_refused_state_changes_only_its_counter),
         TEST(test_views_are_ordered_by_id_whatever_the_order_of_arrival),
         TEST(test_only_vehicles_that_the_last_plan_found_on_a_lane_are_not_projected),
-        TEST(test_states_off_the_road_and_unknown_target_lanes_are_distinguished),
+        TEST(test_an_unknown_target_costs_the_target_and_off_the_road_the_place),
+        TEST(test_vehicles_that_get_no_plan_for_want_of_room_are_counted),
+        TEST(test_a_state_without_heading_or_speed_is_an_obstacle_and_gets_no_plan),
         TEST(test_limits_are_refused_out_of_range_and_out_of_order),
         TEST(test_a_status_carries_all_counters_and_never_wraps),
     };

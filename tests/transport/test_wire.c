@@ -289,9 +289,9 @@ static const field state_fields[] = {
     FIELD(controlled, I16, 0, 1, false),
     FIELD(x, F64, -1e7, 1e7, false),
     FIELD(y, F64, -1e7, 1e7, false),
-    FIELD(heading, F32, -3e38, INFINITY, false),
-    FIELD(speed, F32, -15, 70, false),
-    FIELD(acceleration, F32, -30, 30, false),
+    FIELD(heading, F32, -3e38, INFINITY, true),
+    FIELD(speed, F32, -15, 70, true),
+    FIELD(acceleration, F32, -30, 30, true),
     FIELD(yaw_rate, F32, -5, 5, true),
     FIELD(length, F32, 0.5, 30, false),
     FIELD(width, F32, 0.3, 4, false),
@@ -373,7 +373,8 @@ static void test_the_quantities_of_a_message_have_the_ranges_of_a_vehicle(void**
             if (limit != NULL && strcmp(limit->name, "heading") != 0) { // wrapped in plans
                 CHECK_NEAR(of->fields[i].min, limit->min, 0.0);
                 CHECK_NEAR(of->fields[i].max, limit->max, 0.0);
-                assert_int_equal(of->fields[i].unknown != MESSAGE_KNOWN, limit->or_nan);
+                // A message may leave open what the inbox fills in.
+                assert_true(of->fields[i].unknown != MESSAGE_KNOWN || !limit->or_nan);
                 ++found;
             }
         }

@@ -5,6 +5,7 @@
 #include "base/scalar.h" // core's sine and cosine: a replay gives the same bits on every machine
 
 #include <assert.h>
+#include <math.h>
 #include <string.h>
 
 static inbox_slot*   slot_of(inbox* self, int32_t id);
@@ -16,11 +17,14 @@ static bool          id_taken(const inbox* self, const inbox_slot* slot, inbox_s
                               int64_t now_utime);
 static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
                                      const verge_vehicle_state_t* state);
-static const char*   fault_of(const verge_vehicle_state_t* state, const verge_road* road);
+static bool          target_known(const verge_vehicle_state_t* state, const verge_road* road);
+static void          slot_store(inbox* self, inbox_slot* slot, const verge_vehicle_state_t* state,
+                                const verge_road* road);
+static float         lane_heading(const verge_road* road, const verge_vehicle_state_t* state);
 static bool          on_map(const verge_road* road, const verge_vehicle_state_t* state);
 static void          verdict_count(inbox_counters* counters, inbox_verdict verdict);
 static void          slots_order(inbox* self);
-static void          controlled_choose(const inbox* self, int64_t plan_utime,
+static uint32_t      controlled_choose(const inbox* self, int64_t plan_utime,
                                        bool chosen[VERGE_VEHICLES_MAX]);
 static bool          wants_plan(const inbox* self, const inbox_slot* slot, int64_t plan_utime);
 static double        age_ms(const verge_vehicle_state_t* state, int64_t at_utime);
@@ -119,7 +123,7 @@ inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
         }
     }
     if (verdict == INBOX_ACCEPTED) {
-        slot->state = *state;
+        slot_store(self, slot, state, road);
     }
     if ((verdict == INBOX_ACCEPTED || verdict == INBOX_DUPLICATE) && source.sender != 0) {
         slot->owners[source.bus].sender = source.sender;
@@ -152,8 +156,10 @@ void inbox_review(inbox* self, const verge_road* road)
     for (uint32_t i = 0; i < self->vehicles_max; ++i) {
         inbox_slot* slot = &self->slots[i];
         slot->placed = false;
-        if (slot->used && (fault_of(&slot->state, road) != NULL || !on_map(road, &slot->state))) {
+        if (slot->used && !on_map(road, &slot->state)) {
             slot->state.utime = 1; // forgotten by age: the next snapshot cancels and drops it
+        } else if (slot->used && !target_known(&slot->state, road)) {
+            slot->state.target_lane = VERGE_NO_LANE;
         }
     }
 }
@@ -179,7 +185,7 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view)
 {
     bool chosen[VERGE_VEHICLES_MAX] = { false };
     slots_order(self);
-    controlled_choose(self, plan_utime, chosen);
+    self->counters.rx_over_capacity += controlled_choose(self, plan_utime, chosen);
 
     view->count = view->controlled_count = view->cancelled_count = 0;
     for (uint32_t i = 0; i < self->vehicles_max; ++i) {
@@ -317,7 +323,7 @@ static inbox_verdict state_judge(inbox* self, const inbox_slot* slot,
                                  const verge_vehicle_state_t* state, inbox_source source,
                                  int64_t now_utime, const verge_road* road)
 {
-    const char* fault = fault_of(state, road);
+    const char* fault = wire_state_check(state);
     if (fault != NULL) {
         self->fault_field = fault;
         return INBOX_OUT_OF_RANGE;
@@ -366,20 +372,56 @@ static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_stat
         return INBOX_OUT_OF_ORDER;
     }
     const double dt = (double)(state->utime - held->utime) / 1e6;
-    const double speed = vg_max(vg_abs((double)state->speed), vg_abs((double)held->speed));
+    const double now = isnan(state->speed) ? 0.0 : vg_abs((double)state->speed);
+    const double speed = vg_max(now, vg_abs((double)held->speed));
     const double reach = speed * dt + self->limits.jump_m;
     return dx * dx + dy * dy <= reach * reach ? INBOX_ACCEPTED : INBOX_ID_CONFLICT;
 }
 
 /// A lane continues itself, so one that does not is not on the road.
-static const char* fault_of(const verge_vehicle_state_t* state, const verge_road* road)
+static bool target_known(const verge_vehicle_state_t* state, const verge_road* road)
 {
-    const char* fault = wire_state_check(state);
-    if (fault == NULL && road != NULL && state->target_lane != VERGE_NO_LANE &&
-        !verge_road_continues(road, state->target_lane, state->target_lane)) {
-        return "target_lane";
+    return road == NULL || state->target_lane == VERGE_NO_LANE ||
+           verge_road_continues(road, state->target_lane, state->target_lane);
+}
+
+/// Keeps a state that was accepted. What it does not say is what the vehicle said last, if it is
+/// known.
+static void slot_store(inbox* self, inbox_slot* slot, const verge_vehicle_state_t* state,
+                       const verge_road* road)
+{
+    const bool  known = slot->state.utime > 0;
+    const float heading = slot->state.heading;
+    const float speed = slot->state.speed;
+    slot->state = *state;
+    slot->incomplete = isnan(state->heading) || isnan(state->speed);
+    if (isnan(state->heading)) {
+        slot->state.heading = known ? heading : lane_heading(road, state);
     }
-    return fault;
+    if (isnan(state->speed)) {
+        slot->state.speed = known ? speed : 0.0f;
+    }
+    if (slot->incomplete) {
+        self->counters.incomplete += 1;
+        self->lacking_id = state->vehicle_id;
+    }
+    if (!target_known(state, road)) {
+        slot->state.target_lane = VERGE_NO_LANE;
+        self->counters.unknown_target += 1;
+        self->lacking_id = state->vehicle_id;
+    }
+}
+
+static float lane_heading(const verge_road* road, const verge_vehicle_state_t* state)
+{
+    const verge_lane_position at =
+        verge_road_project(road, state->x, state->y, 0.0, VERGE_NO_LANE);
+    return at.lane_id == VERGE_NO_LANE ? 0.0f : (float)at.heading;
+}
+
+static double known_heading(const verge_vehicle_state_t* state)
+{
+    return isnan(state->heading) ? 0.0 : vg_wrap_angle((double)state->heading);
 }
 
 static bool on_map(const verge_road* road, const verge_vehicle_state_t* state)
@@ -388,8 +430,7 @@ static bool on_map(const verge_road* road, const verge_vehicle_state_t* state)
         return true;
     }
     const verge_lane_position position =
-        verge_road_project(road, state->x, state->y, vg_wrap_angle((double)state->heading),
-                           VERGE_NO_LANE);
+        verge_road_project(road, state->x, state->y, known_heading(state), VERGE_NO_LANE);
     return position.lane_id != VERGE_NO_LANE;
 }
 
@@ -425,25 +466,29 @@ static void slots_order(inbox* self)
     }
 }
 
-/// Two passes over the ordered slots: vehicles that had a plan first, then the others.
-static void controlled_choose(const inbox* self, int64_t plan_utime,
-                              bool chosen[VERGE_VEHICLES_MAX])
+/// Two passes over the ordered slots: vehicles that had a plan first, then the others. Returns the
+/// number of those that there is no room for.
+static uint32_t controlled_choose(const inbox* self, int64_t plan_utime,
+                                  bool chosen[VERGE_VEHICLES_MAX])
 {
     uint32_t room = self->controlled_max;
+    uint32_t left_out = 0;
     for (int newcomers = 0; newcomers <= 1; ++newcomers) {
-        for (uint32_t i = 0; i < self->vehicles_max && room > 0; ++i) {
+        for (uint32_t i = 0; i < self->vehicles_max; ++i) {
             const inbox_slot* slot = &self->slots[i];
-            if (slot->planned != (newcomers == 1) && wants_plan(self, slot, plan_utime)) {
-                chosen[i] = true;
-                --room;
-            }
+            const bool wants = slot->planned != (newcomers == 1)
+                               && wants_plan(self, slot, plan_utime);
+            chosen[i] = chosen[i] || (wants && room > 0);
+            left_out += wants && room == 0 ? 1 : 0;
+            room -= wants && room > 0 ? 1 : 0;
         }
     }
+    return left_out;
 }
 
 static bool wants_plan(const inbox* self, const inbox_slot* slot, int64_t plan_utime)
 {
-    return slot->used && slot->state.controlled != 0 &&
+    return slot->used && slot->state.controlled != 0 && !slot->incomplete &&
            age_ms(&slot->state, plan_utime) <= self->limits.fresh_ms;
 }
 

@@ -55,9 +55,9 @@ verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state)
     vehicle.controlled = state->controlled != 0;
     vehicle.x = state->x;
     vehicle.y = state->y;
-    vehicle.heading = vg_wrap_angle((double)state->heading);
-    vehicle.speed = (double)state->speed;
-    vehicle.acceleration = (double)state->acceleration;
+    vehicle.heading = isnan(state->heading) ? 0.0 : vg_wrap_angle((double)state->heading);
+    vehicle.speed = isnan(state->speed) ? 0.0 : (double)state->speed;
+    vehicle.acceleration = isnan(state->acceleration) ? 0.0 : (double)state->acceleration;
     vehicle.yaw_rate = (double)state->yaw_rate;
     vehicle.length = (double)state->length;
     vehicle.width = (double)state->width;

@@ -5,6 +5,9 @@
 ///     inbox_snapshot(&inbox, plan_utime, &view);                // once a cycle
 ///     verge_planner_step(planner, plan_utime, view.vehicles, view.count, &plan);
 ///
+/// Unknown     A target lane that the road does not have costs a vehicle its target only. A state without
+///             heading or speed (NaN) is used with the last ones known, else with the direction of
+///             the lane and standing; its vehicle is an obstacle and gets no plan.
 /// Isolation   A refused message changes only a counter: the vehicle keeps its last accepted state
 ///             until that is too old, and no other vehicle is affected.
 /// Senders     On each bus an id belongs to the first sender that uses it, until that sender is
@@ -58,7 +61,7 @@ const char* inbox_limits_check(const inbox_limits* limits);
 /// The result for an offered state. The rules are checked in the order of this list.
 typedef enum inbox_verdict {
     INBOX_ACCEPTED = 0,
-    INBOX_OUT_OF_RANGE,  ///< by wire_state_check(), or a target lane that the road does not have
+    INBOX_OUT_OF_RANGE,  ///< by wire_state_check()
     INBOX_FUTURE,        ///< utime more than future_ms ahead
     INBOX_STALE,         ///< older than drop_ms on arrival
     INBOX_ID_TAKEN,      ///< same id from another sender of the same bus; the first one keeps it
@@ -70,10 +73,14 @@ typedef enum inbox_verdict {
     INBOX_OVER_CAPACITY, ///< a new vehicle, and no slot is free or forgotten
 } inbox_verdict;
 
-/// The rx_ fields of rsu_status_t. The bus counts rx_malformed and rx_dropped.
+/// The rx_ fields of rsu_status_t. The bus counts rx_malformed and rx_dropped. rx_over_capacity also
+/// counts, in each snapshot, the vehicles that ask for a plan beyond controlled_max. The last two are
+/// part of rx_accepted.
 typedef struct inbox_counters {
     uint64_t rx_accepted, rx_stale, rx_future, rx_duplicate, rx_out_of_order, rx_malformed;
     uint64_t rx_out_of_range, rx_off_map, rx_over_capacity, rx_id_conflict, rx_dropped;
+    uint64_t unknown_target; ///< states with a target lane that the road does not have
+    uint64_t incomplete;     ///< states without heading or speed: of an obstacle, not to be planned
 } inbox_counters;
 
 enum { INBOX_BUSES_MAX = 4 };
@@ -90,6 +97,7 @@ typedef struct inbox_slot {
     bool used;
     bool planned; ///< controlled in the last snapshot: gets a cancellation when that ends
     bool placed;  ///< the last plan found it on a lane, see inbox_placed()
+    bool incomplete; ///< heading or speed of `state` is a guess: it gets no plan
     struct {
         uint64_t sender; ///< 0: unknown
         int64_t  utime;  ///< [us] of its last state
@@ -101,6 +109,7 @@ typedef struct inbox {
     uint32_t       vehicles_max, controlled_max;
     inbox_counters counters;
     const char*    fault_field; ///< of the last INBOX_OUT_OF_RANGE, for logs
+    int32_t        lacking_id;  ///< the last vehicle with an unknown target or an incomplete state
     inbox_slot     slots[VERGE_VEHICLES_MAX];
 } inbox;
 
@@ -131,9 +140,9 @@ void inbox_placed(inbox* self, const int32_t* ids, uint32_t count);
 /// Releases the ownership of all ids. For a change of the buses.
 void inbox_forget_senders(inbox* self);
 
-/// For a change of the road: forgets the vehicles that are off the new road or have a target lane
-/// that it lacks, which the planner would refuse. No counter changes; planned vehicles get their
-/// cancellation in the next snapshot.
+/// For a change of the road: forgets the vehicles that are off the new road, and target lanes that it
+/// lacks. No counter changes; planned vehicles that are forgotten get their cancellation in the next
+/// snapshot.
 void inbox_review(inbox* self, const verge_road* road);
 
 /// "accepted", "stale", ...: the name of the counter without rx_.

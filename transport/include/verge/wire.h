@@ -25,7 +25,8 @@ const char* wire_state_check(const verge_vehicle_state_t* state);
 const char* wire_plan_check(const verge_vehicle_plan_t* plan);
 
 /// A checked state as input of the planner, at the state's own utime, without margin. cooperation
-/// NaN: that of the habit. The weights are always those of the habit.
+/// NaN: that of the habit; heading, speed, acceleration NaN: 0. The weights are always those of the
+/// habit.
 verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state);
 
 /// The reverse, for programs that simulate vehicles. transport_publish_state() computes crc32;

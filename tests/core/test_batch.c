@@ -60,8 +60,9 @@ static void test_every_cost_equals_the_straight_form(void** state)
         const verge_weights weights = random_weights(&rng);
         vg_batch_run(&batch, &w->def, &weights, &w->tracks, 0);
         for (uint32_t i = 0; i < candidate_count(); ++i) {
-            const verge_cost straight = vg_leg_cost(leg_of(i), offset_of(i), 0, batch.last, &w->def,
-                                                    &weights, &w->tracks, 0, batch.in_lane);
+            const verge_cost straight =
+                vg_leg_cost(leg_of(i), offset_of(i), 0, batch.last, &w->def, &weights, &w->tracks,
+                            0, batch.in_lane, batch.aim);
             CHECK_NEAR(batch.costs[i], straight.total, 1e-9 * straight.total + 1e-9);
             near += straight.obstacle > 0.0;
         }
@@ -82,7 +83,7 @@ static void test_a_later_segment_costs_what_the_straight_form_says(void** state)
         for (uint32_t i = 0; i < candidate_count(); ++i) {
             const verge_cost straight =
                 vg_leg_cost(leg_of(i), offset_of(i), batch.start, batch.last, &w->def,
-                            &plain_weights, &w->tracks, 0, batch.in_lane);
+                            &plain_weights, &w->tracks, 0, batch.in_lane, batch.aim);
             CHECK_NEAR(batch.costs[i], straight.total, 1e-9 * straight.total + 1e-9);
         }
         scene_free(w);

@@ -111,7 +111,7 @@ static void test_the_cost_of_a_leg_equals_the_direct_form_of_the_paper(void** st
             }
             if (!at_edge) {
                 const verge_cost paid = vg_leg_cost(leg, offset, 0, batch.last, &w->def, &weights,
-                                                    &w->tracks, 0, false);
+                                                    &w->tracks, 0, false, 0.0);
                 CHECK_NEAR(paid.total, cost, 2e-3 * cost + 1e-3);
                 ++compared;
             }

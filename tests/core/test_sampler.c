@@ -112,6 +112,51 @@ static void test_an_undisturbed_vehicle_keeps_its_lane_and_speed(void** state)
     scene_free(w);
 }
 
+/// Beside the line of a bend the speed of the vehicle is the decided one, not that along the line.
+static void test_the_decided_speed_is_that_of_the_vehicle_beside_a_bend(void** state)
+{
+    (void)state;
+    for (int k = 0; k < 16; ++k) {
+        const double d = k % 2 == 0 ? 0.7 : -0.7, radius = 15.0 + 5.0 * (k / 4);
+        const double goal = 5.0 + (k / 2 % 2), side = k % 4 < 2 ? 1.0 : -1.0;
+        scene* w = scene_make(side / (radius + (side > 0.0 ? SCENE_WIDTH : 0.0)), 0.0);
+        vg_job* job = scene_vehicle(w, 1, 15.0, d, 0.0, 6.0, 0.0, goal);
+        job->segments[0].d = d;
+        scene_run(w);
+        assert_int_equal(w->plans[0].status, VERGE_PLANNED);
+        const verge_point* end = &w->plans[0].points[w->def.points - 1];
+        CHECK_NEAR(end->speed, goal, 0.03 * goal);
+        CHECK_NEAR(verge_road_project_on(w->road, 1, end->x, end->y).d, d, 0.25);
+        scene_free(w);
+    }
+}
+
+/// A decision that brakes by 3 m/s^2, or for one step as hard as the body can, is driven.
+static void test_hard_braking_that_was_decided_is_driven(void** state)
+{
+    (void)state;
+    for (int k = 0; k < 24; ++k) {
+        scene* w = scene_make(0.0, 0.0);
+        const bool step = k % 2 == 0; // one step of 1.5 s, then the speed is kept; else for 3 s
+        const double v = 8.0 + k / 2, braking = step ? 2.5 : 3.0;
+        vg_job* job = scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, fmax(v - 3.0 * braking, 0.0));
+        job->segments[0].action = VERGE_DECELERATE;
+        if (step) {
+            job->segments[0].t1 = 1.5;
+            job->segments[0].v = v - 1.5 * braking;
+            job->segments[1] = (vg_segment){ .t0 = 1.5, .t1 = 3.0, .action = VERGE_KEEP_SPEED,
+                                             .lane = 1, .v = job->segments[0].v };
+            job->segment_count = 2;
+        }
+        scene_run(w);
+        assert_int_equal(w->plans[0].status, VERGE_PLANNED);
+        const double wanted = job->segments[job->segment_count - 1].v;
+        CHECK_NEAR(w->plans[0].points[step ? 15 : 30].speed, wanted, 0.6);
+        check_drivable(w, 0, "braking");
+        scene_free(w);
+    }
+}
+
 static void test_a_lane_change_ends_in_the_other_lane(void** state)
 {
     (void)state;
@@ -412,6 +457,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_an_undisturbed_vehicle_keeps_its_lane_and_speed),
+        cmocka_unit_test(test_the_decided_speed_is_that_of_the_vehicle_beside_a_bend),
+        cmocka_unit_test(test_hard_braking_that_was_decided_is_driven),
         cmocka_unit_test(test_a_lane_change_ends_in_the_other_lane),
         cmocka_unit_test(test_a_slow_vehicle_changes_lanes_as_far_as_its_steering_follows),
         cmocka_unit_test(test_a_vehicle_at_rest_stays_at_rest_behind_another),

@@ -44,6 +44,7 @@ static inline void candidates_sample(scene* w, bool change, uint32_t last, vg_ba
     batch->start = 0;
     batch->last = last;
     batch->in_lane = !change;
+    batch->aim = change ? 0.0 : 0.3;
     batch->comfort = (vg_comfort){ 1.0 / 4.0, 1.0 / 6.0, 1.0 / 4.0, 1.0 / 4.0 };
     vg_target_sample(batch, job, &w->limits, &job->segments[0], path, lane, &start,
                      w->def.point_s * last, &w->tracks, false);

@@ -41,6 +41,7 @@ typedef struct scene {
     double clearance;
     const vg_comfort* comfort;
     const vg_limits* limits;
+    double aim;
 } scene;
 
 static void candidates_begin(candidates* all, const vg_row* row, const double* offsets,
@@ -71,7 +72,7 @@ void vg_batch_run(vg_batch* batch, const verge_planner_def* def, const verge_wei
     VERGE_ASSERT(batch->last < VERGE_POINTS_MAX && batch->start < batch->last);
     const vg_limits* limits = batch->legs[0].limits;
     const scene scene = { vg_alert_zone_of(def, &tracks->of[own], limits->rear_axle),
-                          def->clearance, &batch->comfort, limits };
+                          def->clearance, &batch->comfort, limits, batch->aim };
     const uint32_t trailer = vg_trailer_of(tracks, own);
     vg_row rows[VERGE_POINTS_MAX];
     for (uint32_t p = 0; p < batch->leg_count; ++p) {
@@ -119,6 +120,7 @@ static envelope candidates_move(candidates* restrict all, const vg_row* row, con
     const vg_row now = *row;
     const vg_comfort comfort = *scene->comfort;
     const vg_limits limits = *scene->limits;
+    const double aim = scene->aim;
     const double radius = scene->zone.half_length + scene->zone.half_width;
     double ahead[VG_BATCH_WIDTH], left[VG_BATCH_WIDTH];
     double ahead0[VG_BATCH_WIDTH], left0[VG_BATCH_WIDTH];
@@ -139,7 +141,7 @@ static envelope candidates_move(candidates* restrict all, const vg_row* row, con
         all->comfort[i] = vg_max(all->comfort[i], vg_comfort_ratio(&comfort, &rear));
         all->curvature[i] += rear.curvature * rear.curvature;
         all->heading[i] += vg_heading_square(rear.cos_off, rear.sin_off);
-        all->offsets[i] += rear.d * rear.d;
+        all->offsets[i] += (rear.d - aim) * (rear.d - aim);
         all->acceleration[i] += rear.acceleration * rear.acceleration;
         all->jerk[i] += rear.jerk * rear.jerk;
         const double x = x0 - now.line.x, y = y0 - now.line.y;

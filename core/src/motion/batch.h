@@ -26,6 +26,7 @@ enum {
 typedef struct vg_batch {
     uint32_t start, last;      ///< instants of the trajectory; the leg covers (start, last]
     bool     in_lane;          ///< the offset term is active
+    double   aim;              ///< [m] offset of the line from which it is measured
     vg_comfort comfort;
     uint32_t leg_count, offset_count;
     double*  offsets;          ///< [sample_offsets] [m] lateral end offsets

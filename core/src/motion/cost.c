@@ -31,21 +31,22 @@ typedef struct paying {
     const verge_tracks* tracks;
     uint32_t            own, trailer;
     bool                in_lane;
+    double              aim;
 } paying;
 
 static paying paying_for(const verge_planner_def* def, const verge_tracks* tracks, uint32_t own,
-                         double rear_axle, bool in_lane)
+                         double rear_axle, bool in_lane, double aim)
 {
     VERGE_ASSERT(own < tracks->count);
     return (paying){ vg_alert_zone_of(def, &tracks->of[own], rear_axle), tracks, own,
-                     vg_trailer_of(tracks, own), in_lane };
+                     vg_trailer_of(tracks, own), in_lane, aim };
 }
 
 static void add_point(verge_cost* cost, const paying* self, const vg_rear* rear, uint32_t k)
 {
     cost->curvature += vg_square(rear->curvature);
     cost->heading += vg_heading_square(rear->cos_off, rear->sin_off);
-    cost->offset += self->in_lane ? vg_square(rear->d) : 0.0;
+    cost->offset += self->in_lane ? vg_square(rear->d - self->aim) : 0.0;
     cost->acceleration += vg_square(rear->acceleration);
     cost->jerk += vg_square(rear->jerk);
     for (uint32_t j = 0; j < self->tracks->count; ++j) {
@@ -69,10 +70,10 @@ static void weigh(verge_cost* cost, const verge_weights* weights)
 
 verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_t last,
                        const verge_planner_def* def, const verge_weights* weights,
-                       const verge_tracks* tracks, uint32_t own, bool in_lane)
+                       const verge_tracks* tracks, uint32_t own, bool in_lane, double aim)
 {
     VERGE_ASSERT(start < last && last < VERGE_POINTS_MAX);
-    const paying all = paying_for(def, tracks, own, leg->limits->rear_axle, in_lane);
+    const paying all = paying_for(def, tracks, own, leg->limits->rear_axle, in_lane, aim);
     verge_cost cost = { 0 };
     for (uint32_t k = start + 1; k <= last; ++k) {
         const vg_row row = vg_leg_row(leg, def->point_s * (k - start));
@@ -86,7 +87,7 @@ verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_
 verge_cost vg_motion_cost(const vg_rear* motion, double rear_axle, const verge_planner_def* def,
                           const verge_weights* weights, const verge_tracks* tracks, uint32_t own)
 {
-    const paying all = paying_for(def, tracks, own, rear_axle, true);
+    const paying all = paying_for(def, tracks, own, rear_axle, true, 0.0);
     verge_cost cost = { 0 };
     for (uint32_t k = 1; k < def->points; ++k) {
         add_point(&cost, &all, &motion[k], k);

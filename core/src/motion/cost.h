@@ -69,10 +69,11 @@ vg_alert_zone vg_alert_zone_of(const verge_planner_def* def, const verge_track* 
                                double rear_axle);
 
 /// Weighted cost of one leg at instants first .. last (indices of the trajectory, leg time 0 at
-/// `start`), one point and one track after the other. in_lane: the offset term is active.
+/// `start`), one point and one track after the other. in_lane: the offset term is active,
+/// and measured from `aim` [m].
 verge_cost vg_leg_cost(const vg_leg* leg, double offset, uint32_t start, uint32_t last,
                        const verge_planner_def* def, const verge_weights* weights,
-                       const verge_tracks* tracks, uint32_t own, bool in_lane);
+                       const verge_tracks* tracks, uint32_t own, bool in_lane, double aim);
 
 /// The same of a whole trajectory that is given as the motion of its rear axle at each point.
 verge_cost vg_motion_cost(const vg_rear* motion, double rear_axle, const verge_planner_def* def,

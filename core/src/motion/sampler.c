@@ -3,7 +3,8 @@
 /// that passes every exact check is taken. Its end is the start of the next segment.
 ///
 /// Attempts, until one succeeds: as decided; in the present lane for the whole horizon; both again
-/// without the limits of normal driving; the fallback. A slow vehicle that is turned against its
+/// without the limits of normal driving; the fallback. A decision that brakes harder than normal
+/// driving does begins without these limits. A slow vehicle that is turned against its
 /// lane straightens out before all these (straighten.h).
 #include "motion/sampler.h"
 
@@ -20,6 +21,8 @@ enum {
 };
 /// Below this speed brakes may be released faster than the jerk limit. [m/s]
 static const double jolt_speed = 0.5;
+/// An end speed decided below the comfortable ones by this much is meant. [m/s]
+static const double hard_from = 1.0;
 /// Braking before the end of a lane without the limits of normal driving, on a dry road. [m/s^2]
 static const double dead_end_braking = 8.0;
 
@@ -87,13 +90,23 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
     vg_workspace_emit(ws, job, plan);
 }
 
+/// Does the decision brake in its first segment harder than the comfortable jerk allows? Its end
+/// speed is then below the lowest one of a profile (target.c).
+static bool brakes_hard(const vg_workspace* ws, const vg_job* job)
+{
+    const vg_segment* first = &job->segments[0];
+    const double T = first->t1 - first->t0, v = ws->start.speed, a = ws->start.acceleration;
+    const double least = v + (4.0 * a * T - job->def->comfort_jerk * T * T) / 6.0;
+    return first->v < vg_max(least, 0.0) - hard_from;
+}
+
 static bool attempt_chains(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
 {
     const vg_segment keep = { .t1 = job->def->point_s * (job->def->points - 1),
                               .action = VERGE_KEEP_SPEED, .lane = job->lane, .s = job->s,
                               .v = job->vehicle->speed };
     bool found = false;
-    for (uint32_t attempt = 0; attempt < 4 && !found; ++attempt) {
+    for (uint32_t attempt = brakes_hard(ws, job) ? 2 : 0; attempt < 4 && !found; ++attempt) {
         const chain chain = { job, tracks, attempt >= 2 };
         ws->keeps_lane = attempt % 2 != 0;
         found = ws->keeps_lane ? plan_chain(ws, &chain, &keep, 1)
@@ -183,6 +196,7 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
     }
     batch->start = start;
     batch->in_lane = !vg_action_changes_lane(segment->action);
+    batch->aim = batch->in_lane ? segment->d : 0.0;
     // The present acceleration cannot change at once: limits that it exceeds are widened.
     const double lateral = vg_abs(from->speed * from->speed * from->curvature);
     const double a = from->acceleration;
@@ -224,7 +238,7 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
                 vg_leg_cost(&batch->legs[best / batch->offset_count],
                             batch->offsets[best % batch->offset_count], batch->start, batch->last,
                             job->def, &job->vehicle->habit.weights, chain->tracks,
-                            job->track_index, batch->in_lane);
+                            job->track_index, batch->in_lane, batch->aim);
             vg_cost_add(&ws->cost, &cost);
             const vg_profile* profile = &batch->legs[best / batch->offset_count].profile;
             if (batch->start == 0) {

@@ -10,6 +10,9 @@ typedef struct region {
     double low, centre, high;
 } region;
 
+/// Nearer to the centre of a bend than this share of its radius no vehicle drives. [1]
+static const double frame_min = 0.3;
+
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
                            const vg_following* following, const vg_state* start, bool emergency);
 static double least_speed(const vg_state* start, double T, double jerk);
@@ -48,6 +51,9 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
     for (uint32_t i = 0; i < braking; ++i) {
         speeds[i] = v.floor + (v.low - v.floor) * i / braking;
     }
+    // Braking that was decided without the limits of normal driving is needed.
+    const bool needed = emergency && segment->v < start->s_t - 1.0;
+    const double pull = needed ? VG_DECISION_PULL_HARD : VG_DECISION_PULL;
     batch->leg_count = braking + spread(speeds + braking, def->sample_speeds - braking, v.low,
                                         v.centre, v.high);
     for (uint32_t i = 0; i < batch->leg_count; ++i) {
@@ -58,11 +64,20 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
         leg->limits = limits;
         leg->profile = vg_profile_to_speed(start, vg_max(v1, 0.0), vg_max(stop, 1e-3));
         vg_leg_link(leg, start, T, segment->d);
-        batch->leg_penalties[i] = VG_DECISION_PULL * points
+        batch->leg_penalties[i] = pull * points
                                 * vg_square(vg_max(v1, vg_min(v.centre, 0.0)) - v.centre);
     }
 }
 
+/// Speed along the line over the speed of a vehicle that drives at an offset d beside it. [1]
+static double line_share(const vg_path* path, double s, double d)
+{
+    const double frame = 1.0 - vg_path_at(path, s).curvature * d;
+    return 1.0 / vg_max(frame, frame_min);
+}
+
+/// Decided speeds and limits are those of the vehicle, profiles and follow.h have speeds along the
+/// line.
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
                            const vg_following* following, const vg_state* start, bool emergency)
 {
@@ -73,12 +88,14 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     const double eased = vg_max(v0 - VG_LIMIT_BRAKING * T,
                                 least_speed(start, T, 0.9 * def->comfort_jerk));
     const double distance = 0.5 * T * (v0 + vg_min(v0, segment->v));
+    const double share = line_share(following->path, start->s + distance, segment->d);
     const double allowed =
-        speed_allowed(job, reference, start->s + following->rear_axle + distance);
+        share * speed_allowed(job, reference, start->s + following->rear_axle + distance);
     const double top = vg_max(allowed, eased);
+    const double decided = share * segment->v;
     region v;
-    v.centre = vg_clamp(segment->v, 0.0, top);
-    v.high = vg_clamp(segment->v + half, 0.0, top);
+    v.centre = vg_clamp(decided, 0.0, top);
+    v.high = vg_clamp(decided + half, 0.0, top);
 
     // The hardest braking begins with the jerk limit. -v0 - 1 stops a fast vehicle after half of T
     // and one at walking speed sooner: such short stops are left to the sampler's exact limits.
@@ -88,7 +105,7 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     v.centre = vg_min(v.centre, vg_max(follow, hardest));
     const double follow_hard = vg_follow_speed(following, start, def->comfort_braking);
     v.high = vg_min(v.high, vg_max(follow_hard, vg_max(v.centre, 0.0)));
-    v.low = vg_min(vg_max(segment->v - half, 0.0), v.centre);
+    v.low = vg_min(vg_max(decided - half, 0.0), v.centre);
     v.floor = changing ? v.low : vg_min(v.low, hardest);
     return v;
 }

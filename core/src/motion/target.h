@@ -16,6 +16,8 @@ extern "C" {
 /// region. With 10, a vehicle whose decision gains 0.9 m/s gains about 0.75 m/s. The term orders
 /// the candidates and is not part of the cost reported.
 #define VG_DECISION_PULL 10.0
+/// The same where the vehicle brakes without the limits of normal driving.
+#define VG_DECISION_PULL_HARD 50.0
 /// The same for the end offset of a lane change, for which the paper has no offset term. Without
 /// it a lane change would always end at the near edge of its region. Per point [1/m^2].
 #define VG_DECISION_PULL_OFFSET 1.0

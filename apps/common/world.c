@@ -15,6 +15,8 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle);
 
 /// Instants closer than this are the same. [s]
 static const double INSTANT = 1e-6;
+/// A lane change from the end of a lane may use the road this far beyond the end. [m]
+static const double SWING_OUT = 10.0;
 /// Acceleration of a controlled vehicle after the end of its plan. [m/s^2]
 static const double GENTLE_BRAKING = -2.0;
 
@@ -264,6 +266,29 @@ static void lane_keep(const world* self, world_vehicle* vehicle, double accelera
     verge_road_at(self->road, lane, s, at.d, &state->x, &state->y, &state->heading);
 }
 
+/// Does the body overlap the lane beside its own? A vehicle that changes lane at the end of its lane
+/// swings out over the end.
+static bool beside_lane(const world* self, const verge_vehicle* state, int32_t lane)
+{
+    const int32_t sides[] = { verge_road_left(self->road, lane),
+                              verge_road_right(self->road, lane) };
+    for (size_t i = 0; i < sizeof sides / sizeof sides[0]; ++i) {
+        if (sides[i] == VERGE_NO_LANE) {
+            continue;
+        }
+        const verge_lane_position at =
+            verge_road_project_on(self->road, sides[i], state->x, state->y);
+        const double turned = state->heading - at.heading;
+        const double reach =
+            0.5 * (verge_road_width(self->road, sides[i]) + state->length * fabs(sin(turned))
+                   + state->width * fabs(cos(turned)));
+        if (at.s <= verge_road_length(self->road, sides[i]) && fabs(at.d) <= reach) {
+            return true;
+        }
+    }
+    return false;
+}
+
 /// Finds the lane of a vehicle and detects that it has left the road at its end.
 static void vehicle_locate(const world* self, world_vehicle* vehicle)
 {
@@ -292,8 +317,13 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
         return;
     }
     const double  s = verge_road_project_on(self->road, lane, state->x, state->y).s;
-    if (s >= verge_road_length(self->road, lane) - INSTANT &&
+    const double  beyond = s - verge_road_length(self->road, lane);
+    if (beyond >= -INSTANT &&
         verge_road_next(self->road, lane, state->target_lane) == VERGE_NO_LANE) {
+        if (beyond <= SWING_OUT && beside_lane(self, state, lane)) {
+            vehicle->off_road = was_off_road;
+            return;
+        }
         vehicle->present = false;
         vehicle->left = true;
         // Leaving at the end of the road does not count.

@@ -5,6 +5,7 @@
 #include "traffic/reward.h"
 #include "must.h"
 #include "traffic/pairs.h"
+#include "traffic/value.h"
 
 #include <math.h>
 
@@ -17,6 +18,7 @@ typedef struct alone {
 static double best_alone(alone* self, uint32_t step);
 static void place_all(const world* world, verge_scene* scene);
 static vg_pairs* pairs_make(void);
+static vg_value* value_make(void** memory);
 
 double bound_of(const world* world)
 {
@@ -32,6 +34,8 @@ double bound_of(const world* world)
     alone* all = must_calloc(1, sizeof *all);
     alone* self = must_calloc(1, sizeof *self);
     vg_pairs* pairs = pairs_make();
+    void* memory = NULL;
+    vg_value* value = value_make(&memory);
     vg_model_from(&all->scene, &all->flows[0], def, pairs, &scene, vg_scene_controlled(&scene));
     double sum = 0.0;
     for (uint32_t slot = 0; slot < all->scene.controlled_count; ++slot) {
@@ -39,10 +43,15 @@ double bound_of(const world* world)
         const verge_scene one = { .road = world->road, .vehicle_count = 1, .vehicles_max = 1,
                                   .vehicles = &vehicles[i], .positions = &positions[i] };
         vg_model_from(&self->scene, &self->flows[0], def, pairs, &one, 1);
+        if (self->scene.best) {
+            vg_value_fill(value, &self->scene, &self->flows[0]);
+            vg_flow_begin(&self->scene, &self->flows[0]);
+        }
         sum += (double)all->scene.weight[slot] * best_alone(self, 0);
     }
     const bool any = all->scene.controlled_count > 0;
     free(pairs);
+    free(memory);
     free(self);
     free(all);
     return any ? fmin(sum, 1.0) : (double)NAN;
@@ -93,4 +102,17 @@ static vg_pairs* pairs_make(void)
     vg_arena_init(&arena, memory, measure.used);
     // The first block of the arena: freeing it frees all of it.
     return vg_pairs_take(&arena, VERGE_VEHICLES_MAX, 0);
+}
+
+static vg_value* value_make(void** memory)
+{
+    vg_arena measure, arena;
+    vg_arena_init(&measure, NULL, 0);
+    (void)vg_value_take(&measure, VERGE_CONTROLLED_MAX, 0);
+    *memory = aligned_alloc(VG_ARENA_ALIGN, measure.used);
+    if (*memory == NULL) {
+        abort();
+    }
+    vg_arena_init(&arena, *memory, measure.used);
+    return vg_value_take(&arena, VERGE_CONTROLLED_MAX, 0);
 }

@@ -33,7 +33,7 @@ static void speed_along_the_lane_is_signed_by_heading_and_direction(void** state
         { 0.1, 8.0, 8.0 }, { 0.1, -3.0, -3.0 }, { M_PI, 8.0, -8.0 }, { -3.0, -3.0, 3.0 },
         { M_PI - 6.0 * M_PI, 5.0, -5.0 }, { 2e9 * M_PI, 0.0, 0.0 },
     };
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; ++k) {
         stage_clear(at);
         other(at, 200.0, cases[k].turn, cases[k].speed);
@@ -48,7 +48,7 @@ static void speed_along_the_lane_is_signed_by_heading_and_direction(void** state
 static void whoever_moves_against_the_lane_goes_on_over_its_start(void** state)
 {
     (void)state;
-    stage* at = stage_open(2, 100.0);
+    stage* at = stage_open_best(2, 100.0);
     at->points[1][0][1] = at->points[1][1][1] = 0.0; // lane 1 continues lane 0
     at->points[1][0][0] = 100.0;
     at->points[1][1][0] = 200.0;
@@ -81,7 +81,7 @@ static void whoever_moves_against_the_lane_goes_on_over_its_start(void** state)
 static void a_body_across_the_lane_reaches_as_far_as_its_corners_and_stays_turned(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     for (int degrees = 0; degrees <= 180; degrees += 15) {
         const double turn = degrees * M_PI / 180.0;
         const double along = fabs(cos(turn)), across = fabs(sin(turn));
@@ -106,7 +106,7 @@ static void a_body_across_the_lane_reaches_as_far_as_its_corners_and_stays_turne
 static void no_decision_keeps_its_speed_towards_an_oncoming_vehicle(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     const double gap = 40.0; // more than 10 m/s needs before a body that stands
     for (double speed = 0.0; speed <= 15.0; speed += 5.0) {
         stage_clear(at);
@@ -126,7 +126,7 @@ static void no_decision_keeps_its_speed_towards_an_oncoming_vehicle(void** state
 /// One vehicle planned before another in its lane: the smallest distance in closed loop. [m]
 static double approach(double gap, double turn, double other_speed, double* braking)
 {
-    stage* at = stage_open(1, 900.0);
+    stage* at = stage_open_best(1, 900.0);
     const verge_planner_def def = at->def;
     const size_t size = verge_planner_memory_size(&def);
     void* memory = aligned_alloc(64, (size + 63) / 64 * 64);
@@ -187,7 +187,7 @@ static void a_vehicle_stands_before_an_oncoming_or_reversing_one_arrives(void** 
 static void a_controlled_vehicle_that_faces_back_or_reverses_brakes_and_is_seen(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     stage_add(at, true, 0, 200.0, 0.0, 5.0, -1)->heading = M_PI;
     stage_add(at, true, 0, 150.0, 0.0, 5.0, -1);
     stage_add(at, true, 0, 100.0, 0.0, -3.0, -1);
@@ -204,7 +204,7 @@ static void a_controlled_vehicle_that_reverses_comes_to_rest_within_its_limits(v
 {
     (void)state;
     static const double accelerations[] = { 0.0, -3.0, 4.0 };
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     const size_t size = (verge_planner_memory_size(&at->def) + 63) / 64 * 64;
     void* memory = aligned_alloc(64, size);
     verge_planner* planner = NULL;
@@ -241,7 +241,7 @@ static void a_controlled_vehicle_that_reverses_comes_to_rest_within_its_limits(v
 static void simulated_humans_go_on_backwards_and_stop_for_what_they_meet(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     const size_t size = (verge_humans_memory_size(&at->def) + 63) / 64 * 64;
     void* memory = aligned_alloc(64, size);
     verge_humans* humans = NULL;

@@ -20,7 +20,7 @@ static float goal_beside(stage* at, double d, double width, double turn, double*
 static void room_beside_a_body_is_used_on_the_side_where_it_is(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0); // 4 m wide
+    stage* at = stage_open_best(1, 500.0); // 4 m wide
     for (double d = -4.0; d <= 4.0; d += 0.0625) {
         double limit = 0.0;
         const double goal = (double)goal_beside(at, d, 1.8, 0.0, &limit);
@@ -46,7 +46,7 @@ static void room_beside_a_body_is_used_on_the_side_where_it_is(void** state)
 static void narrow_bodies_get_more_room(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     double limit = 0.0;
     CHECK_NEAR((double)goal_beside(at, -1.6, 0.6, 0.0, &limit), 0.6, 1e-4); // -1.3 + 1.0 + 0.9
     CHECK_NEAR((double)goal_beside(at, 0.3, 0.6, 0.0, &limit), 0.0, 0.0); // 0.2 m of room
@@ -56,7 +56,7 @@ static void narrow_bodies_get_more_room(void** state)
 static void a_turned_body_is_as_wide_as_its_corners(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     double limit = 0.0;
     CHECK_NEAR((double)goal_beside(at, -2.0, 1.8, 0.0, &limit), 0.3, 1e-4);
     const double reach = 2.5 * sin(0.2) + 0.9 * cos(0.2);
@@ -68,7 +68,7 @@ static void a_turned_body_is_as_wide_as_its_corners(void** state)
 static void bodies_on_both_sides_are_passed_in_their_middle(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     stage_add(at, true, 0, 100.0, 0.0, 5.0, -1)->width = 1.8;
     stage_add(at, false, 0, 130.0, -2.3, 0.0, -1)->width = 1.8; // free from -1.4
     stage_add(at, false, 0, 131.0, 2.2, 0.0, -1)->width = 1.8;  // to 1.3
@@ -85,7 +85,7 @@ static void bodies_on_both_sides_are_passed_in_their_middle(void** state)
 static void a_body_matters_from_the_approach_until_it_is_passed(void** state)
 {
     (void)state;
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     for (double s = 20.0; s < 300.0; s += 2.0) {
         stage_clear(at);
         stage_add(at, true, 0, s, 0.3, 6.0, -1)->width = 1.8;
@@ -101,7 +101,7 @@ static void a_body_matters_from_the_approach_until_it_is_passed(void** state)
 static void a_body_that_reaches_in_from_the_lane_beside_counts_and_the_paper_knows_none(void** state)
 {
     (void)state;
-    stage* at = stage_open(2, 500.0);
+    stage* at = stage_open_best(2, 500.0);
     stage_add(at, true, 0, 100.0, 0.0, 10.0, -1)->width = 1.8;
     stage_add(at, false, 1, 130.0, -1.5, 0.0, -1)->width = 1.8; // over the line, at 2.5 of lane 0
     stage_begin(at);
@@ -119,7 +119,7 @@ static void a_body_that_reaches_in_from_the_lane_beside_counts_and_the_paper_kno
 /// Distance kept from a body at d in closed loop, on the way from 60 m before it to 20 m past it.
 static double pass(double d, double* beyond)
 {
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     const size_t size = (verge_planner_memory_size(&at->def) + 63) / 64 * 64;
     void* memory = aligned_alloc(64, size);
     verge_planner* planner = NULL;

@@ -20,6 +20,7 @@ static played* open_search(uint32_t lanes, double length)
     assert_non_null(self);
     memset(self, 0, sizeof *self);
     self->at = stage_open(lanes, length);
+    self->at->def.search = VERGE_SEARCH_BEST;
     self->memory = aligned_alloc(64, arena_size);
     assert_non_null(self->memory);
     return self;
@@ -141,8 +142,8 @@ static void the_papers_plan_comes_near_the_best_of_all_plans_and_never_above(voi
 
 // ---------------------------------------------------------------------------- what a plan is
 
-/// The line's steps are legal, and free of conflicts until the flow is terminal.
-static void check_plan(const stage* at, const stage_decision* decision)
+/// The line's steps are legal, and free of conflicts until the flow is terminal where they can be.
+static void check_plan(const stage* at, const stage_decision* decision, bool free_of_conflicts)
 {
     const uint32_t count = at->scene.controlled_count;
     vg_flow flow = at->root;
@@ -157,7 +158,7 @@ static void check_plan(const stage* at, const stage_decision* decision)
         for (uint32_t i = 0; i < count; ++i) {
             assert_true(((moves.legal[i] >> actions[i]) & 1u) != 0);
         }
-        if (!over_already) {
+        if (!over_already && free_of_conflicts) {
             assert_int_equal(vg_flow_conflicts(&at->scene, &flow, &moves, actions), 0);
         }
         vg_flow next = flow;
@@ -178,7 +179,7 @@ static void plans_are_legal_and_free_of_conflicts(void** state)
                    300.0, 12.0);
         (void)run(self, k, NULL);
         if (self->decision.report.nodes_first > 0) { // a complete plan was seen
-            check_plan(self->at, &self->decision);
+            check_plan(self->at, &self->decision, true);
         }
     }
     close_search(self);
@@ -203,7 +204,7 @@ static void a_warm_line_that_fails_does_not_become_the_plan(void** state)
         }
         (void)run(self, k, &warm);
         if (self->decision.report.nodes_first > 0) {
-            check_plan(at, &self->decision);
+            check_plan(at, &self->decision, false); // so dense that some body is too close to others
         }
     }
     close_search(self);
@@ -401,7 +402,7 @@ static void count(tally* to, bool drawn, double chance)
 
 static double deviations(const tally* of)
 {
-    return of->variance > 0.0 ? fabs(of->excess) / sqrt(of->variance) : 0.0;
+    return of->variance > 1e-9 ? fabs(of->excess) / sqrt(of->variance) : 0.0;
 }
 
 /// Where every plan earns the same the first one stays: one random simulation. Its first step is a

@@ -12,7 +12,7 @@ static vg_standing class_at(stage* at, uint32_t slot)
 static void without_a_cause_a_vehicle_that_stands_is_static(void** state)
 {
     (void)state;
-    stage* at = stage_open(2, 500.0);
+    stage* at = stage_open_best(2, 500.0);
     stage_add(at, false, 0, 200.0, 0.4, 0.0, -1);
     assert_int_equal(class_at(at, 0), VG_STATIC);
     at->vehicles[0].acceleration = 0.8; // sets off
@@ -40,7 +40,7 @@ static void a_queue_waits_but_not_who_stands_beside_or_across_it(void** state)
         { 0.0, 0.6, 0.0, 4.0, VG_STATIC },   // across
         { 0.0, M_PI, 0.0, 4.0, VG_STATIC },  // faces back
     };
-    stage* at = stage_open(1, 500.0);
+    stage* at = stage_open_best(1, 500.0);
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; ++k) {
         stage_clear(at);
         stage_add(at, false, 0, 200.0, cases[k].d, 0.0, -1)->heading = cases[k].turn;
@@ -53,7 +53,7 @@ static void a_queue_waits_but_not_who_stands_beside_or_across_it(void** state)
 static void before_a_crossing_or_the_end_of_the_lane_a_vehicle_may_wait(void** state)
 {
     (void)state;
-    stage* at = stage_open(2, 300.0);
+    stage* at = stage_open_best(2, 300.0);
     at->points[1][0][0] = at->points[1][1][0] = 150.0; // lane 1 crosses lane 0
     at->points[1][0][1] = -100.0;
     at->points[1][1][1] = 100.0;

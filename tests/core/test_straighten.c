@@ -102,7 +102,7 @@ static void turned_against_its_lane_it_comes_back_and_drives_on(void** state)
         vehicle.controlled = true;
         const double start = fmax(beside(&at, &vehicle, lanes), 0.0);
         const double x = vehicle.x, y = vehicle.y;
-        for (int64_t cycle = 0; cycle < 40; ++cycle) {
+        for (int64_t cycle = 0; cycle < 30; ++cycle) {
             assert_int_equal(verge_planner_step(at.planner, 500000 * cycle, &vehicle, 1, &plan),
                              VERGE_OK);
             assert_int_equal(plan.vehicles[0].status, VERGE_PLANNED);

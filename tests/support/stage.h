@@ -17,6 +17,7 @@
 #include "traffic/conflict.h"
 #include "traffic/pairs.h"
 #include "traffic/reward.h"
+#include "traffic/value.h"
 #include "verge/planner.h"
 
 #include <math.h>
@@ -37,6 +38,7 @@ typedef struct stage {
     verge_lane_position positions[VERGE_VEHICLES_MAX];
     verge_scene given; ///< the vehicles and positions above
     vg_pairs* pairs;
+    vg_value* value;
     vg_model scene;
     vg_flow root;
 } stage;
@@ -58,6 +60,8 @@ static inline void stage_build(stage* at)
     assert_non_null(at->road);
     at->pairs = vg_pairs_take(&arena, VERGE_VEHICLES_MAX, at->def.road.lane_count);
     assert_non_null(at->pairs);
+    at->value = vg_value_take(&arena, VERGE_CONTROLLED_MAX, at->def.road.lane_count);
+    assert_non_null(at->value);
     free(fit);
 }
 
@@ -68,6 +72,7 @@ static inline stage* stage_open(uint32_t lane_count, double length)
     assert_non_null(at);
     memset(at, 0, sizeof *at);
     at->def = verge_planner_default_def();
+    at->def.search = VERGE_SEARCH_PAPER; // the rules of the paper; tests of BEST change it
     for (uint32_t i = 0; i < lane_count; ++i) {
         at->points[i][0][1] = at->points[i][1][1] = STAGE_WIDTH * (double)i;
         at->points[i][1][0] = length;
@@ -83,6 +88,14 @@ static inline stage* stage_open(uint32_t lane_count, double length)
     }
     at->def.road = (verge_road_def){ at->lanes, lane_count };
     stage_build(at);
+    return at;
+}
+
+/// The same for VERGE_SEARCH_BEST.
+static inline stage* stage_open_best(uint32_t lane_count, double length)
+{
+    stage* at = stage_open(lane_count, length);
+    at->def.search = VERGE_SEARCH_BEST;
     return at;
 }
 
@@ -123,6 +136,10 @@ static inline void stage_begin(stage* at)
     vg_model_from(&at->scene, &at->root, &at->def, at->pairs, &at->given,
                   vg_scene_controlled(&at->given));
     assert_int_equal(at->scene.count, at->count);
+    if (at->scene.best) {
+        vg_value_fill(at->value, &at->scene, &at->root);
+        vg_flow_begin(&at->scene, &at->root);
+    }
 }
 
 /// Random vehicles, none within `apart` [m] of another in its lane.

@@ -116,6 +116,9 @@ double  verge_road_deviation(const verge_road* road, int32_t lane_id);
 /// The lane that continues lane_id towards target_lane (first successor if there is none
 /// better), or VERGE_NO_LANE where nothing continues it.
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane);
+/// The lane beside lane_id to the left or right to which vehicles may change, or VERGE_NO_LANE.
+int32_t verge_road_left(const verge_road* road, int32_t lane_id);
+int32_t verge_road_right(const verge_road* road, int32_t lane_id);
 /// Is lane_id the target lane, or a lane that continues it (by successors only)?
 bool    verge_road_continues(const verge_road* road, int32_t target_lane, int32_t lane_id);
 

@@ -130,6 +130,15 @@ static problem problem_of(const vg_model* model, const vg_flow* root, uint32_t s
 
 double vg_flow_bound(const vg_model* model, const vg_flow* root)
 {
+    if (model->best) { // no vehicle can lose less than nothing
+        const verge_planner_def* def = model->def;
+        double all = 0.0;
+        for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
+            all += (double)model->weight[slot];
+        }
+        const double most = def->reward_target + def->reward_lane + def->reward_consistency;
+        return vg_min(all * most + 1e-5, 1.0);
+    }
     // Of all near lanes, the lowest speed for the full reward and the highest speed limit.
     const vg_local* local = model->pairs->local;
     double full_speed = VG_HUGE, speed_limit = 0.0;

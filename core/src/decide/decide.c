@@ -6,10 +6,12 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "base/stage.h"
-#include "decide/search.h"
+#include "decide/playout.h"
 #include "traffic/advance.h"
 #include "traffic/order.h"
 #include "traffic/pairs.h"
+#include "traffic/reward.h"
+#include "traffic/value.h"
 
 #include <string.h>
 
@@ -18,6 +20,7 @@ struct verge_decider {
     vg_tree*  tree;
     vg_pairs* pairs;
     vg_model* model;
+    vg_value* value;    // BEST alone
     vg_flow*  flows;    // [2] the root, and the state one step later
     vg_order* order;    // who passes conflict areas first
     uint32_t  nodes_peak, bytes_per_node;
@@ -61,9 +64,13 @@ static void* take(vg_arena* arena, const verge_planner_def* def)
     vg_model* model = vg_arena_take(arena, sizeof *model);
     vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
     vg_order* order = vg_order_take(arena, def->vehicles_max);
+    vg_value* value = NULL;
+    if (def->search == VERGE_SEARCH_BEST) {
+        value = vg_value_take(arena, def->controlled_max, def->road.lane_count);
+    }
     if (self != NULL) {
         *self = (verge_decider){ .def = *def, .tree = tree, .pairs = pairs, .model = model,
-                                 .flows = flows, .order = order };
+                                 .value = value, .flows = flows, .order = order };
         self->def.road = (verge_road_def){ NULL, 0 };
     }
     return self;
@@ -112,6 +119,10 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
     if (decision->vehicle_count == 0) {
         commitment->vehicle_count = 0;
         return VERGE_OK;
+    }
+    if (self->value != NULL) {
+        vg_value_fill(self->value, self->model, &self->flows[0]);
+        vg_flow_begin(self->model, &self->flows[0]);
     }
     vg_joint_actions warm, sequence;
     const bool is_warm =
@@ -172,7 +183,7 @@ static bool recall(const verge_decider* self, const verge_scene* scene,
                 committed_action(commitment, id_of(self, scene, (int32_t)slot), at, step_s);
             any = any || action < VERGE_ACTION_COUNT;
             sequence->actions[t][slot] =
-                action < VERGE_ACTION_COUNT ? action : (uint8_t)VERGE_KEEP_SPEED;
+                action < VERGE_ACTION_COUNT ? action : (uint8_t)VG_POLICY;
         }
     }
     return any;
@@ -187,7 +198,8 @@ static bool confirms(const verge_decider* self, const verge_scene* scene,
     for (uint32_t slot = 0; same && slot < self->model->controlled_count; ++slot) {
         same = commitment->vehicle_ids[slot] == id_of(self, scene, (int32_t)slot);
         for (uint32_t t = 0; t < sequence->step_count; ++t) {
-            same = same && sequence->actions[t][slot] == warm->actions[t][slot];
+            const uint8_t before = warm->actions[t][slot];
+            same = same && (before == VG_POLICY || sequence->actions[t][slot] == before);
         }
     }
     return same;

@@ -2,12 +2,16 @@
 #include "decide/playout.h"
 
 #include "base/contract.h"
+#include "base/scalar.h"
 #include "traffic/advance.h"
 #include "traffic/conflict.h"
+#include "traffic/drive.h"
 #include "traffic/reward.h"
 
 #include <string.h>
 
+// BEST: cost of a vehicle in a conflict that remains, in one step. [1] of X_flow
+static const double conflict_cost = 0.25;
 enum { repair_tries_max = 4 }; // new draws for vehicles in conflict, per step of a simulation
 
 // A table, because not every machine has an instruction that counts bits.
@@ -49,8 +53,45 @@ void vg_playout_draw(vg_search* self, uint8_t* actions, uint32_t which)
     }
 }
 
+// First those that change lane wait; then all brake. Physics has no better answer.
+static void give_way(vg_search* self, uint8_t* actions, uint32_t conflicts, bool brake)
+{
+    for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
+        if ((conflicts >> i & 1u) != 0 && (brake || vg_action_changes_lane(actions[i]))) {
+            const uint8_t legal = self->moves.legal[i];
+            const bool slows = (legal & 1u << VERGE_DECELERATE) != 0;
+            actions[i] = slows && (brake || (legal & 1u << VERGE_KEEP_SPEED) == 0)
+                             ? VERGE_DECELERATE : VERGE_KEEP_SPEED;
+        }
+    }
+}
+
+// BEST: conflicts that remain are paid for, the sooner the more.
+static bool repair_best(vg_search* self, uint8_t* actions)
+{
+    uint32_t conflicts = 0;
+    for (uint32_t tries = 0; tries < repair_tries_max; ++tries) {
+        conflicts = vg_flow_conflicts(self->model, self->flow, &self->moves, actions);
+        if (conflicts == 0) {
+            return true;
+        }
+        if (tries < 2u) {
+            give_way(self, actions, conflicts, tries == 1u);
+        } else {
+            vg_playout_draw(self, actions, conflicts);
+        }
+    }
+    conflicts = vg_flow_conflicts(self->model, self->flow, &self->moves, actions);
+    const double later = (double)self->sequence.step_count / (double)self->model->def->steps;
+    self->conflict_cost += conflict_cost * (double)vg_bits(conflicts) * (1.5 - later);
+    return true;
+}
+
 bool vg_playout_repair(vg_search* self, uint8_t* actions)
 {
+    if (self->model->best) {
+        return repair_best(self, actions);
+    }
     for (uint32_t tries = 0; tries < repair_tries_max; ++tries) {
         const uint32_t conflicts =
             vg_flow_conflicts(self->model, self->flow, &self->moves, actions);
@@ -93,7 +134,9 @@ static uint32_t unreached(const vg_search* self)
 double vg_playout_finish(vg_search* self, bool whole)
 {
     const double reward =
-        vg_flow_reward(self->model, self->flow, self->sequence.step_count, whole);
+        vg_flow_reward(self->model, self->flow, self->sequence.step_count, whole)
+        - self->conflict_cost;
+    self->conflict_cost = 0.0;
     self->report->iterations++;
     if (whole && reward > self->best_reward) {
         self->best = self->sequence;
@@ -106,6 +149,9 @@ double vg_playout_finish(vg_search* self, bool whole)
 
 uint8_t vg_playout_nearest_legal(vg_search* self, uint32_t slot, uint8_t wanted)
 {
+    if (wanted == VG_POLICY) {
+        return vg_drive_policy(self->model, self->flow, &self->moves, slot);
+    }
     const uint8_t order[] = { wanted, VERGE_KEEP_SPEED, VERGE_DECELERATE, VERGE_ACCELERATE };
     for (uint32_t k = 0; k < sizeof order; ++k) {
         if (is_legal(self, slot, order[k])) {

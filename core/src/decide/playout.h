@@ -22,6 +22,7 @@ typedef struct vg_search {
     vg_joint_actions sequence; ///< actions of the present simulation
     vg_joint_actions best;     ///< actions of the best plan so far
     double          best_reward;
+    double          conflict_cost; ///< [1] of conflicts that remain in the present simulation
     uint32_t        unreached; ///< slots (bits) not in their target lane with the best plan
     uint32_t        trail;     ///< 0 or 1: the trail that holds the states of the best plan
     int8_t          turn[VERGE_CONTROLLED_MAX]; ///< at the root: +1 the target lies left, -1 right
@@ -42,6 +43,10 @@ double vg_playout_finish(vg_search* self, bool whole);
 /// Simulates one step with the legal actions nearest to the wanted ones. False: no joint action
 /// without conflict was found.
 bool vg_playout_follow(vg_search* self, const vg_joint_actions* wanted);
+/// best_reward before any complete plan was simulated.
+#define VG_NO_PLAN (-1e9)
+/// An entry of a sequence that stands for the action of vg_drive_policy(). BEST alone.
+enum { VG_POLICY = VERGE_ACTION_COUNT };
 /// The wanted action if it is legal, else the first legal one of KS, DC, AC.
 uint8_t vg_playout_nearest_legal(vg_search* self, uint32_t slot, uint8_t wanted);
 /// The wanted action of a slot in one step; KS beyond the end of the sequence.

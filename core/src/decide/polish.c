@@ -109,18 +109,72 @@ static uint32_t vary_randomly(vg_search* self, vg_joint_actions* sequence)
     return from;
 }
 
-// Plain variation number k: one vehicle takes one action from one step to the end. Returns this
-// step.
-static uint32_t vary(const vg_search* self, uint32_t k, vg_joint_actions* sequence)
+// One vehicle keeps one action of the lane for some steps, or changes lane at some step; after that
+// it follows its policy. So a change is made at the first instant at which it is legal.
+typedef struct code {
+    uint8_t steps;  // with `first`
+    uint8_t first;  // action, or VG_POLICY
+    uint8_t change; // action of the two steps after these, VG_POLICY: none
+} code;
+
+static const code codes[] = {
+    { 0, VG_POLICY, VG_POLICY },
+    { 1, VERGE_DECELERATE, VG_POLICY }, { 1, VERGE_KEEP_SPEED, VG_POLICY },
+    { 2, VERGE_DECELERATE, VG_POLICY }, { 2, VERGE_KEEP_SPEED, VG_POLICY },
+    { 3, VERGE_DECELERATE, VG_POLICY }, { 3, VERGE_KEEP_SPEED, VG_POLICY },
+    { 5, VERGE_DECELERATE, VG_POLICY }, { 5, VERGE_KEEP_SPEED, VG_POLICY },
+    { 2, VERGE_ACCELERATE, VG_POLICY }, { 4, VERGE_ACCELERATE, VG_POLICY },
+    { 7, VERGE_ACCELERATE, VG_POLICY }, { 7, VERGE_KEEP_SPEED, VG_POLICY },
+    { 0, VG_POLICY, VERGE_CHANGE_LEFT }, { 0, VG_POLICY, VERGE_CHANGE_RIGHT },
+    { 1, VG_POLICY, VERGE_CHANGE_LEFT }, { 1, VG_POLICY, VERGE_CHANGE_RIGHT },
+    { 2, VG_POLICY, VERGE_CHANGE_LEFT }, { 2, VG_POLICY, VERGE_CHANGE_RIGHT },
+    { 1, VERGE_DECELERATE, VERGE_CHANGE_LEFT }, { 1, VERGE_DECELERATE, VERGE_CHANGE_RIGHT },
+    { 2, VERGE_DECELERATE, VERGE_CHANGE_LEFT }, { 2, VERGE_DECELERATE, VERGE_CHANGE_RIGHT },
+    { 2, VERGE_ACCELERATE, VERGE_CHANGE_LEFT }, { 2, VERGE_ACCELERATE, VERGE_CHANGE_RIGHT },
+};
+enum { CODE_COUNT = sizeof codes / sizeof codes[0] };
+
+static void write_code(const vg_search* self, vg_joint_actions* sequence, uint32_t slot,
+                       const code* with)
 {
     const uint32_t steps = self->model->def->steps;
-    const uint32_t action = k % VERGE_ACTION_COUNT;
-    const uint32_t from = k / VERGE_ACTION_COUNT % steps;
-    const uint32_t slot = k / VERGE_ACTION_COUNT / steps;
-    for (uint32_t t = from; t < steps; ++t) {
-        sequence->actions[t][slot] = (uint8_t)action;
+    for (uint32_t t = 0; t < steps && t < VERGE_STEPS_MAX; ++t) {
+        const bool changing = with->change != VG_POLICY && t >= with->steps
+                              && t < with->steps + 2u;
+        sequence->actions[t][slot] = changing ? with->change
+                                     : t < with->steps ? with->first : (uint8_t)VG_POLICY;
     }
-    return from;
+}
+
+// Variation number k of the sweeps over all codes: of one vehicle at a time. In every second sweep
+// the others follow their policies too, so that they can react.
+static uint32_t vary(const vg_search* self, uint32_t k, vg_joint_actions* sequence)
+{
+    const uint32_t count = self->model->controlled_count;
+    const uint32_t sweep = k / (CODE_COUNT * count);
+    const uint32_t slot = k / CODE_COUNT % count;
+    if (sweep % 2u == 1u) {
+        for (uint32_t t = 0; t < self->model->def->steps; ++t) {
+            memset(sequence->actions[t], VG_POLICY, count);
+        }
+    }
+    write_code(self, sequence, slot, &codes[k % CODE_COUNT]);
+    return 0;
+}
+
+// Where a variation ends, the vehicle may follow its policy instead of its actions of before.
+static void end_in_policy(vg_search* self, const vg_joint_actions* before, vg_joint_actions* after)
+{
+    const uint32_t steps = self->model->def->steps;
+    for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
+        uint32_t last = steps;
+        for (uint32_t t = 0; t < steps; ++t) {
+            last = before->actions[t][i] != after->actions[t][i] ? t : last;
+        }
+        for (uint32_t t = last + 1u; t < steps; ++t) {
+            after->actions[t][i] = VG_POLICY;
+        }
+    }
 }
 
 static void find_turns(vg_search* self)
@@ -134,23 +188,31 @@ static void find_turns(vg_search* self)
     }
 }
 
-// First the plain variations, with at most a third of the budget, then random ones.
+// First the best of all policies, then sweeps over the codes, then random variations.
 void vg_search_polish(vg_search* self, uint32_t budget)
 {
     const uint32_t steps = self->model->def->steps;
-    const uint32_t plain =
-        smaller(budget / 3u, self->model->controlled_count * steps * VERGE_ACTION_COUNT);
+    const uint32_t sweeps =
+        smaller(budget / 2u, 3u * self->model->controlled_count * (uint32_t)CODE_COUNT);
     find_turns(self);
     store_states(self);
     for (uint32_t k = 0; k < budget; ++k) {
         vg_joint_actions sequence = self->best;
         for (uint32_t t = sequence.step_count; t < steps; ++t) {
-            memset(sequence.actions[t], VERGE_KEEP_SPEED, sizeof sequence.actions[t]);
+            memset(sequence.actions[t], VG_POLICY, sizeof sequence.actions[t]);
         }
         sequence.step_count = steps;
-        uint32_t from = k < plain ? vary(self, k, &sequence) : vary_randomly(self, &sequence);
-        if (k >= plain && k % 4u == 3u) {
+        const vg_joint_actions before = sequence;
+        if (k == 0) {
+            memset(sequence.actions, VG_POLICY, sizeof sequence.actions);
+        }
+        uint32_t from = k == 0 ? 0u : k < sweeps ? vary(self, k, &sequence)
+                                                 : vary_randomly(self, &sequence);
+        if (k >= sweeps && k % 4u == 3u) {
             from = smaller(from, vary_randomly(self, &sequence));
+        }
+        if (k >= sweeps && k % 2u == 0u) {
+            end_in_policy(self, &before, &sequence);
         }
         (void)vg_search_try(self, smaller(from, self->best.step_count), &sequence);
     }

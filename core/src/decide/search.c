@@ -2,6 +2,7 @@
 #include "decide/search.h"
 
 #include "base/contract.h"
+#include "base/scalar.h"
 #include "decide/bound.h"
 #include "decide/playout.h"
 #include "decide/tree.h"
@@ -24,7 +25,7 @@ void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg
     const verge_planner_def* def = model->def;
     memset(report, 0, sizeof *report);
     vg_tree_empty(tree, model->count, model->controlled_count);
-    vg_search self = { .tree = tree, .model = model, .random = random, .best_reward = -1.0,
+    vg_search self = { .tree = tree, .model = model, .random = random, .best_reward = VG_NO_PLAN,
                        .report = report };
     self.flow = &self.buffer[0];
     self.next = &self.buffer[1];
@@ -34,11 +35,11 @@ void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg
 
     const bool best = def->search == VERGE_SEARCH_BEST;
     const uint32_t budget = def->iterations;
-    double warm_reward = -1.0;
+    double warm_reward = VG_NO_PLAN;
     vg_joint_actions kept = { .step_count = 0 };
     if (best && warm != NULL) {
         (void)vg_search_try(&self, 0, warm);
-        warm_reward = self.best_reward; // -1 if the simulation ended in a conflict
+        warm_reward = self.best_reward; // VG_NO_PLAN if the simulation ended in a conflict
         kept = self.best;
     }
     const uint32_t left =
@@ -46,7 +47,7 @@ void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg
     vg_search_tree(&self, best ? left / tree_part : left);
     if (best) {
         vg_search_polish(&self, budget - self.report->iterations);
-        if (warm_reward >= 0.0
+        if (warm_reward > VG_NO_PLAN
             && self.best_reward < warm_reward + def->switch_margin * switched_share(&self, &kept)) {
             self.best = kept;
         }
@@ -94,7 +95,11 @@ static void replay(vg_search* self, const vg_joint_actions* sequence)
     }
     // If every simulation ended in a conflict, so does the plan returned: its remaining steps earn
     // nothing.
-    const bool whole = self->best_reward >= 0.0;
+    const bool whole = self->best_reward > VG_NO_PLAN;
+    if (model->best) { // conflicts that remain count
+        self->report->reward = vg_clamp(self->best_reward, 0.0, 1.0);
+        ended_early = true;
+    }
     if (!ended_early) {
         self->report->reward = vg_flow_reward(model, self->flow, self->sequence.step_count, whole);
     }

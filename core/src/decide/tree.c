@@ -181,7 +181,7 @@ void vg_search_tree(vg_search* self, uint32_t budget)
             root = child;
         }
     }
-    if (self->model->def->search == VERGE_SEARCH_PAPER || self->best_reward < 0.0) {
+    if (self->model->def->search == VERGE_SEARCH_PAPER || self->best_reward <= VG_NO_PLAN) {
         self->best = committed;
     }
 }

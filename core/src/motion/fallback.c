@@ -253,8 +253,8 @@ static verdict evaluate(const ladder* all, const rung* rung)
     const vg_lane* lane = job->on_road ? &job->road->lanes[job->lane] : NULL;
     const bool ends = lane != NULL && lane->dead_end;
     const double later = rung->brakes ? dead_end_braking : job->def->comfort_braking;
-    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, dead_end_braking);
-    const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, later);
+    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, dead_end_braking, false);
+    const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, later, false);
     v.speed = ws->body.speed[last];
     v.clear = v.holds && v.contact > last && easily && !grows
               && (rung->where != ACCELERATE || way_is_free(all));

@@ -11,6 +11,9 @@ static const double link_steer_share = 0.95;
 /// A link is lengthened at most by this factor beyond its leg, in steps of the second factor. [1]
 static const double link_stretch_max = 4.0;
 static const double link_stretch_step = 1.05;
+/// Links that move the vehicle farther aside than this change lane [m]; at walking speed they may
+/// end after this share of the distance [1].
+static const double link_change = 1.0, link_change_share = 0.5;
 /// Largest lateral acceleration of a link, below the comfort limit of 4. [m/s^2]
 static const double link_lateral_max = 3.2;
 /// Largest curvature of a link by distance, relative to its line. [1/m]
@@ -143,7 +146,9 @@ void vg_leg_link_by_distance(vg_leg* leg, const vg_state* start, double distance
     leg->s_start = start->s;
     leg->by_distance = true;
     const vg_axis_state here = { start->d, start->d1, start->d2 };
-    link(leg, &here, vg_max(distance, link_distance_min), offset, speed);
+    // A lane change at walking speed turns as soon as steering and comfort allow it.
+    const double share = vg_abs(offset - start->d) > link_change ? link_change_share : 1.0;
+    link(leg, &here, vg_max(share * distance, link_distance_min), offset, speed);
 }
 
 /// The shortest link within the limits of steering and comfort, else the one nearest to them.

@@ -25,6 +25,8 @@ static const double jolt_speed = 0.5;
 static const double hard_from = 1.0;
 /// Braking before the end of a lane without the limits of normal driving, on a dry road. [m/s^2]
 static const double dead_end_braking = 8.0;
+/// A lane change over the end of a lane is no faster than this. [m/s]
+static const double swing_out_speed = 10.0;
 
 /// The inputs of a chain.
 typedef struct chain {
@@ -254,6 +256,16 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
     return false;
 }
 
+/// A slow lane change from the end of a lane: the nose may swing out over the end.
+static bool slowly_out(const vg_workspace* ws, const vg_batch* batch)
+{
+    bool slow = !batch->in_lane;
+    for (uint32_t k = 0; k <= batch->last; ++k) {
+        slow = slow && ws->body.speed[k] <= swing_out_speed;
+    }
+    return slow;
+}
+
 static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* chain,
                        uint32_t lane, uint32_t candidate)
 {
@@ -273,11 +285,12 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
     const double braking = chain->emergency ? dead_end_braking : job->def->comfort_braking;
     const vg_lane* lanes = job->road->lanes;
     if (lanes[job->lane].dead_end
-        && vg_workspace_runs_out(ws, job, &lanes[job->lane], batch->last, braking)) {
+        && vg_workspace_runs_out(ws, job, &lanes[job->lane], batch->last, braking,
+                                 slowly_out(ws, batch))) {
         return false;
     }
     return lane == job->lane || !lanes[lane].dead_end
-        || !vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking);
+        || !vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking, false);
 }
 
 /// Does a lane-keeping segment end beyond the lane boundary, and farther out than it began?

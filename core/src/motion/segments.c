@@ -21,6 +21,8 @@ static const double lateral_slope = 0.5;
 static const double lateral_speed = 1.0;
 // Shortest duration of the rest of a lane change. [s]
 static const double finish_min = 1.0;
+// No segment after it is shorter than this: hardly any motion fits into it. [s]
+static const double rest_min = 0.5;
 // Farther than this from the centre a lane change is in progress, as VG_CENTRED. [m]
 static const double finishing_from = 0.3;
 
@@ -83,7 +85,7 @@ static bool continues_step(const vg_expected* expected, uint32_t t)
 // Sets the end of a segment that covers the steps [from, to). Of the last step only `part` lies
 // within the horizon.
 static void set_end(const verge_road* road, const vg_expected* expected, uint32_t from, uint32_t to,
-                    double part, vg_segment* segment)
+                    double part, bool whole, bool at_horizon, vg_segment* segment)
 {
     const vg_expected_state* start = &expected->states[from];
     const vg_expected_state* last = &expected->states[to - 1u];
@@ -106,6 +108,10 @@ static void set_end(const verge_road* road, const vg_expected* expected, uint32_
         const float station = last->station + (float)part * (end->station - last->station);
         segment->lane = changed_to(road, end_lane, (double)end->d, action);
         segment->d = y - (double)vg_lane_lateral(&road->lanes[segment->lane], station);
+        // The lateral motion does not end with the horizon, so a change cut by it is aimed whole.
+        if (whole && (part < 1.0 || at_horizon)) {
+            segment->d = 0.0;
+        }
     } else if (vg_action_changes_lane(action)) {
         set_end_beyond_lane(road, start, end, action, segment);
     }
@@ -131,7 +137,8 @@ void vg_segments_from(const vg_expected* expected, vg_job* job)
         segment->t0 = t[from];
         segment->t1 = vg_min(t[to], horizon);
         const double part = (segment->t1 - t[to - 1u]) / (t[to] - t[to - 1u]);
-        set_end(job->road, expected, from, to, part, segment);
+        set_end(job->road, expected, from, to, part, def->search == VERGE_SEARCH_BEST,
+                segment->t1 >= horizon - 1e-9, segment);
         from = to;
     }
     VERGE_ASSERT(job->segment_count > 0);
@@ -163,7 +170,8 @@ void vg_segments_finish_change(const vg_expected* expected, uint32_t lane, doubl
     const verge_planner_def* def = job->def;
     const verge_road* road = job->road;
     const double horizon = (double)(def->points - 1u) * def->point_s;
-    const double end = vg_min(vg_max(left, finish_min), horizon);
+    const double least = vg_min(vg_max(left, finish_min), horizon);
+    const double end = horizon - least < rest_min ? horizon : least;
     uint32_t step = 1;
     while (step < expected->step_count && expected->t[step] < end - 1e-9) {
         ++step;

@@ -11,6 +11,8 @@ static const double path_speed_max = 70.0;  // [m/s] highest speed of any vehicl
 static const double path_ahead_max = 570.0; // [m] largest length of a path ahead of the vehicle
 /// Distance for building up the braking force beyond the end of a lane. [m]
 static const double over_end_distance = 1.0;
+/// A slow lane change may swing out over the end by this much. [m]
+static const double swing_out = 9.0;
 /// Factor above the measured value, for limits exceeded at t = 0. [1]
 static const double widening = 1.05;
 
@@ -173,11 +175,11 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
 }
 
 bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_lane* lane,
-                           uint32_t last, double braking)
+                           uint32_t last, double braking, bool swings_out)
 {
     VERGE_ASSERT(last < VERGE_POINTS_MAX && braking > 0.0);
     const verge_track* body = &ws->body;
-    double s = __builtin_nan(""), end = lane->length;
+    double s = __builtin_nan(""), end = lane->length + (swings_out ? swing_out : 0.0);
     for (uint32_t k = 0; k <= last; ++k) {
         s = vg_lane_project(lane, body->x[k], body->y[k], s);
         const vg_reference at = vg_lane_at(lane, s);
@@ -186,7 +188,8 @@ bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_l
         const bool inside = vg_abs(d) <= 0.5 * lane->width;
         double front = s + body->half_length;
         if (k == 0 && inside && front > lane->length) {
-            end = front + body->speed[0] * body->speed[0] / (2.0 * braking) + over_end_distance;
+            end = vg_max(end, front + body->speed[0] * body->speed[0] / (2.0 * braking)
+                                  + over_end_distance);
         }
         if (k + 1 == job->def->points) {
             front += body->speed[k] * body->speed[k] / (2.0 * braking);

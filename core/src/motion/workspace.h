@@ -72,9 +72,9 @@ void vg_workspace_drive(vg_workspace* ws, const verge_planner_def* def, const vg
 /// Does the trajectory so far, up to instant `last`, drive over the end of a lane without
 /// successor, or towards it at a speed from which braking [m/s^2] after the horizon does not
 /// suffice? A vehicle that is already beyond the end may leave the lane, or stop in it with this
-/// braking.
+/// braking. swings_out: it slowly changes lane; its nose may reach a few metres beyond the end.
 bool vg_workspace_runs_out(const vg_workspace* ws, const vg_job* job, const vg_lane* lane,
-                           uint32_t last, double braking);
+                           uint32_t last, double braking, bool swings_out);
 
 void vg_cost_add(verge_cost* sum, const verge_cost* cost);
 

@@ -294,6 +294,23 @@ double verge_road_stop_line(const verge_road* road, int32_t lane_id)
     return lane != NULL ? lane->stop_line : 0.0;
 }
 
+static int32_t id_of(const verge_road* road, int32_t lane)
+{
+    return lane < 0 ? VERGE_NO_LANE : road->lanes[lane].id;
+}
+
+int32_t verge_road_left(const verge_road* road, int32_t lane_id)
+{
+    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
+    return lane < 0 ? VERGE_NO_LANE : id_of(road, road->lanes[lane].left);
+}
+
+int32_t verge_road_right(const verge_road* road, int32_t lane_id)
+{
+    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
+    return lane < 0 ? VERGE_NO_LANE : id_of(road, road->lanes[lane].right);
+}
+
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane)
 {
     const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);

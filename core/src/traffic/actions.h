@@ -13,7 +13,15 @@ extern "C" {
 #endif
 
 /// Motion along the lane during one decision step; also the index of its state in vg_moves.
-typedef enum vg_along { VG_KEEP_SPEED, VG_SPEED_UP, VG_SLOW_DOWN, VG_ALONG_COUNT } vg_along;
+/// A lane change keeps the speed in the paper; it has motions of its own because BEST adapts it.
+typedef enum vg_along {
+    VG_KEEP_SPEED,
+    VG_SPEED_UP,
+    VG_SLOW_DOWN,
+    VG_ALONG_LEFT,
+    VG_ALONG_RIGHT,
+    VG_ALONG_COUNT
+} vg_along;
 /// Motion across the lane; also the index of its state in vg_moves.
 typedef enum vg_across { VG_KEEP_LANE, VG_TO_LEFT, VG_TO_RIGHT, VG_ACROSS_COUNT } vg_across;
 

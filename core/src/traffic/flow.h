@@ -101,6 +101,8 @@ static inline bool vg_pairs_hold(const vg_pairs* pairs, const verge_road* road)
     return pairs->lanes_max == 0 || road->lane_count <= pairs->lanes_max;
 }
 
+struct vg_value; // value.h
+
 /// The quantities that stay constant during a search.
 typedef struct vg_model {
     const verge_planner_def* def;
@@ -127,6 +129,11 @@ typedef struct vg_model {
     float    loss[VERGE_CONTROLLED_MAX];       ///< [m/s] speed lost by DC in a step
     float    stop[VERGE_CONTROLLED_MAX];       ///< [s^2/m] stopping distance of DC over v squared
     float    speed_max[VERGE_CONTROLLED_MAX];  ///< [m/s] of the body; AC is not legal above it
+    // Of BEST alone.
+    float    braking_hard[VERGE_VEHICLES_MAX]; ///< [m/s^2] that the body can brake
+    float    time_gap[VERGE_CONTROLLED_MAX];   ///< [s] to a vehicle ahead that verge does not plan
+    const struct vg_value* value;              ///< value-to-go of the controlled vehicles, or null
+    float    loss_at_root[VERGE_CONTROLLED_MAX]; ///< [s] vg_flow_loss() without other vehicles
     double   acceleration[VERGE_CONTROLLED_MAX]; ///< [m/s^2] of AC
     /// [m] along the lane from the middle of vehicle and trailer to the centre of the vehicle, below
     /// 0 where it faces back. Stations of the flow are those of the middle.

@@ -40,15 +40,26 @@ static void move_backwards(const vg_model* model, const vg_flow* flow, const idm
     v_to[i] = v1 > 0.0f ? -v1 : 0.0f;
 }
 
+static idm idm_of(const verge_planner_def* def)
+{
+    return (idm){ (float)def->idm_gap, (float)def->idm_headway_s, (float)def->idm_acceleration,
+                  0.5f / (float)def->idm_comfort };
+}
+
+float vg_human_acceleration(const vg_model* model, uint32_t slot, float v, float gap, float v_lead)
+{
+    VERGE_ASSERT(slot >= model->controlled_count && slot < model->count);
+    const idm p = idm_of(model->def);
+    return acceleration_of(&p, model->braking[slot], v, 1.0f / model->cruise[slot], gap, v_lead);
+}
+
 // The leader is the nearest vehicle in the path, controlled or not. The offset d stays as it is.
 void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, float* station_to,
                          float* v_to, float* y_to)
 {
     VERGE_ASSERT(dt > 0.0f);
     VERGE_ASSERT(model->count <= VERGE_VEHICLES_MAX);
-    const verge_planner_def* def = model->def;
-    const idm p = { (float)def->idm_gap, (float)def->idm_headway_s, (float)def->idm_acceleration,
-                    0.5f / (float)def->idm_comfort };
+    const idm p = idm_of(model->def);
     for (uint32_t i = model->controlled_count; i < model->count; ++i) {
         const vg_neighbours w = vg_nearest(model, flow, i, flow->station[i], flow->y[i],
                                            flow->station, flow->v,

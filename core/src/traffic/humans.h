@@ -13,6 +13,10 @@ extern "C" {
 void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, float* station_to,
                          float* v_to, float* y_to);
 
+/// Acceleration of an uncontrolled slot at speed v behind a vehicle at this free gap and speed.
+/// [m/s^2]
+float vg_human_acceleration(const vg_model* model, uint32_t slot, float v, float gap, float v_lead);
+
 #ifdef __cplusplus
 }
 #endif

@@ -12,6 +12,11 @@
 // speed limit is reached.
 static const double trend_s = 2.0;     // [s]
 static const double speeding_up = 0.1; // [m/s^2] above the noise of constant speed
+// BEST: comfortable acceleration of a car. [m/s^2]
+static const double comfort_acceleration = 1.5;
+// BEST: time gap to a vehicle that verge does not plan, by the cooperation factor of the habit: 1.0 s
+// aggressive, 1.5 s normal, 2.0 s conservative. [s]
+static const double gap_least = 1.0, gap_most = 2.0, gap_normal = 1.5, gap_by_cooperation = 1.25;
 // Smallest desired speed: the IDM divides by it. [m/s]
 static const double cruise_min = 0.05;
 // Cooperation factor of the normal habit (Table 2). The penalty for a lane change with a small gap
@@ -72,6 +77,7 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
     model->cruise[slot] = (float)vg_clamp(soon, cruise_min, fastest);
     model->braking[slot] =
         speed < 0.0 ? 0.0f : (float)vg_max(model->def->idm_braking_max, -acceleration);
+    model->braking_hard[slot] = (float)verge_vehicle_body(vehicle).braking_max;
     flow->station[slot] = (float)vg_lane_station(lane, at->s - model->back[slot]);
     flow->d[slot] = (float)at->d;
     flow->v[slot] = (float)speed;
@@ -93,13 +99,17 @@ static void limit_actions(vg_model* model, const verge_vehicle* vehicle, uint32_
     const verge_planner_def* def = model->def;
     const verge_body body = verge_vehicle_body(vehicle);
     const double fade = vg_min(1.0, body.speed_switch / vg_max(vehicle->speed, 1e-3));
-    const double a = vg_min(def->acceleration, body.acceleration_max * fade);
+    const double wanted = model->best ? comfort_acceleration : def->acceleration;
+    const double a = vg_min(wanted, body.acceleration_max * fade);
     const float dt = (float)def->step_s;
     model->acceleration[slot] = a;
     model->gain[slot] = (float)a * dt;
     model->loss[slot] = (float)vg_min(def->deceleration, body.braking_max) * dt;
     model->stop[slot] = 0.5f * dt / model->loss[slot];
     model->speed_max[slot] = (float)body.speed_max;
+    model->time_gap[slot] = (float)vg_clamp(
+        gap_normal + gap_by_cooperation * (vehicle->habit.cooperation - normal_cooperation),
+        gap_least, gap_most);
 }
 
 static void set_target(vg_model* model, const verge_vehicle* vehicle, uint32_t slot)

@@ -2,7 +2,7 @@
 #include "traffic/moves.h"
 
 #include "base/contract.h"
-#include "traffic/goal.h"
+#include "traffic/drive.h"
 #include "traffic/humans.h"
 #include "traffic/order.h"
 #include "traffic/pairs.h"
@@ -20,7 +20,7 @@ static const float overtake_speed_share = 0.6f;
 static const float merge_reserve = 8.0f; // [m]
 static const float merge_speed = 2.0f;   // [m/s]
 
-static_assert(VG_ALONG_COUNT == 3,
+static_assert(VG_ALONG_COUNT == 5,
               "longitudinal_moves() gives the state after each motion along the lane");
 static_assert(VERGE_ACTION_COUNT == 5,
               "keep_lane_moves() and changes_allowed() say which actions are legal");
@@ -45,6 +45,10 @@ void vg_flow_moves_unchecked(const vg_model* model, const vg_flow* flow, vg_move
     if (!model->single_axis) {
         vg_pairs_update(model, flow);
     }
+    if (model->best) {
+        vg_drive_moves(model, flow, moves);
+        return;
+    }
     longitudinal_moves(model, flow, moves);
     lateral_moves(model, flow, moves);
     vg_flow_human_moves(model, flow, (float)model->def->step_s, moves->station[0], moves->v[0],
@@ -68,6 +72,9 @@ static void longitudinal_moves(const vg_model* model, const vg_flow* flow, vg_mo
         moves->station[0][i] = station + v * dt * per_metre;
         moves->station[1][i] = station + (v + 0.5f * gain) * dt * per_metre;
         moves->station[2][i] = station + distance_dc * per_metre;
+        moves->station[VG_ALONG_LEFT][i] = moves->station[0][i];
+        moves->station[VG_ALONG_RIGHT][i] = moves->station[0][i];
+        moves->v[VG_ALONG_LEFT][i] = moves->v[VG_ALONG_RIGHT][i] = v;
         moves->v[0][i] = v;
         moves->v[1][i] = v + gain;
         moves->v[2][i] = v_dc;
@@ -91,16 +98,14 @@ VG_INLINE float change_reach(const vg_model* model, const vg_flow* flow, uint32_
     return vg_maxf(vg_maxf(flow->left_gap[i], flow->right_gap[i]), 3.0f) * part;
 }
 
-// Lane keeping returns to the centre of the lane, or to where there is room beside a body. No lateral
-// motion is steeper than change_slope.
+// Lane keeping returns to the centre of the lane. No lateral motion is steeper than change_slope.
 static void lateral_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
 {
     for (uint32_t i = 0; i < model->controlled_count; ++i) {
         const float d = flow->d[i], y = flow->y[i];
         const float slope = change_slope * flow->v[i] * (float)model->def->step_s;
         const float reach = vg_minf(change_reach(model, flow, i), slope);
-        const float goal = vg_lane_goal(model, flow, i, moves->station[0][i]);
-        moves->y[0][i] = y + vg_maxf(vg_minf(goal - d, reach), -reach);
+        moves->y[0][i] = y + vg_maxf(vg_minf(-d, reach), -reach);
         moves->y[1][i] = y + change_distance(flow, i, true, reach);
         moves->y[2][i] = y - change_distance(flow, i, false, reach);
     }
@@ -198,7 +203,9 @@ bool vg_flow_check_change(const vg_model* model, const vg_flow* flow, vg_moves* 
     VERGE_ASSERT(slot < model->controlled_count);
     VERGE_ASSERT(vg_action_changes_lane(action));
     const uint8_t bit = (uint8_t)(1u << action);
-    if ((moves->unchecked[slot] & bit) != 0) {
+    if (model->best) {
+        vg_drive_check_change(model, flow, moves, slot, action);
+    } else if ((moves->unchecked[slot] & bit) != 0) {
         // A slow vehicle needs more steps for the change. The lateral distance that is checked is
         // the same at all speeds.
         const bool to_left = action == VERGE_CHANGE_LEFT;

@@ -4,7 +4,7 @@
 #define VG_MOVES_H
 
 #include "traffic/actions.h"
-#include "traffic/flow.h"
+#include "traffic/pairs.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,6 +15,7 @@ typedef struct vg_moves {
     VG_ALIGNED float station[VG_ALONG_COUNT][VERGE_VEHICLES_MAX]; ///< [m] by vg_along
     VG_ALIGNED float v[VG_ALONG_COUNT][VERGE_VEHICLES_MAX];       ///< [m/s] by vg_along
     VG_ALIGNED float y[VG_ACROSS_COUNT][VERGE_VEHICLES_MAX];      ///< [m] by vg_across
+    vg_neighbours keep[VERGE_CONTROLLED_MAX];    ///< BEST: nearest vehicles in the own lane after KS
     float   change_gap[2][VERGE_CONTROLLED_MAX]; ///< [m] left by a legal change to the left, right
     uint8_t legal[VERGE_CONTROLLED_MAX];         ///< set of actions (bits), never empty
     uint8_t unchecked[VERGE_CONTROLLED_MAX];     ///< lane changes (bits) not yet checked for gaps

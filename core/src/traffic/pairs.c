@@ -98,9 +98,11 @@ VG_INLINE void scan(neighbour_query* self, uint32_t from, uint32_t to, bool sing
         if (ds > 0.0f && gap < w.gap_ahead) {
             w.gap_ahead = gap;
             w.v_ahead = self->v[j];
+            w.ahead = (int32_t)j;
         } else if (ds <= 0.0f && gap < w.gap_behind) {
             w.gap_behind = gap;
             w.v_behind = self->v[j];
+            w.behind = (int32_t)j;
         }
     }
     self->found = w;
@@ -111,7 +113,8 @@ vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i,
 {
     VERGE_ASSERT(i < model->count);
     neighbour_query self = { model, flow, i, station, y, stations, v,
-                             { .gap_ahead = free_ahead, .gap_behind = VG_FAR_AWAY } };
+                             { .gap_ahead = free_ahead, .gap_behind = VG_FAR_AWAY,
+                               .ahead = -1, .behind = -1 } };
     if (model->single_axis) {
         scan(&self, 0, i, true);
         scan(&self, i + 1u, model->count, true);

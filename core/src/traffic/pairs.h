@@ -16,6 +16,7 @@ extern "C" {
 typedef struct vg_neighbours {
     float gap_ahead, v_ahead;   ///< [m] from the own centre to the leader's rear end, [m/s]
     float gap_behind, v_behind; ///< [m] from the own centre to the follower's front end, [m/s]
+    int32_t ahead, behind;      ///< their slots, -1 none
 } vg_neighbours;
 
 /// Updates the pairs to the lanes of a flow. Needed where !model->single_axis.

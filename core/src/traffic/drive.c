@@ -1,0 +1,478 @@
+/// See drive.h.
+#include "traffic/drive.h"
+
+#include "base/contract.h"
+#include "base/scalar.h"
+#include "traffic/goal.h"
+#include "traffic/humans.h"
+#include "traffic/order.h"
+#include "traffic/pairs.h"
+#include "traffic/value.h"
+
+// Comfortable braking for what is ahead, and braking of DC where nothing asks for it. [m/s^2]
+static const float comfort_braking = 2.0f, chosen_braking = 1.0f;
+// A vehicle nearer than this to the one ahead follows it: KS keeps its gap. [s], [m/s^2]
+static const float following_s = 5.0f, keeping_acceleration = 0.4f;
+// Gap at standstill. [m]
+static const float standstill_gap = 2.0f;
+// Time gap to a vehicle ahead that verge plans as well: its braking is known. [s]
+static const float planned_gap_s = 0.6f;
+// Braking that remains safe if the one ahead brakes as hard as it can: reaction time [s], share of
+// the body's braking. [1]
+static const float reaction_s = 0.5f, hard_share = 0.8f;
+// The front of a vehicle stops this far before the end of a lane that it has to leave: enough to
+// swing out from standstill. [m]
+static const float end_reserve = 4.0f;
+// A change at the end of a lane may use the road this far beyond it. [m]
+static const float beyond_end = 6.0f;
+// Largest lateral motion per distance driven. Over short distances the turning circle limits it:
+// twice its radius. [1], [m]
+static const float slope_max = 0.5f, turning_circle = 14.0f;
+// The same for the nose of a vehicle that turns out before a standing body, and its speed. [1],
+// [m/s]
+static const float slope_of_nose = 0.7f, slow_speed = 3.0f;
+// Half a lane change takes this long (paper, section 4). [s]
+static const float half_change_s = 1.5f;
+// A lane is at least this wide for the lateral speed of a change. [m]
+static const float lane_width_min = 3.0f;
+// Rules for gaps in the lane changed to: braking that a change may cost the vehicle itself and the
+// one behind [m/s^2]; factor of the time gap [1].
+static const float change_braking = 1.5f, change_braking_behind = 2.0f, change_gap_share = 0.4f;
+// Rules for a change under way, looser so that it is finished: room, and room left after two
+// seconds of closing. [m], [s]
+static const float finish_room = 1.5f, finish_left = 1.0f, finish_s = 2.0f;
+// Speed of a change that squeezes past a body ahead. [m/s]
+static const float squeeze_speed = 2.5f;
+// Lateral clearance when passing a body. [m]
+static const float pass_clearance = 0.3f;
+// Lanes whose time to go is longer by this much are not entered. [s]
+static const float worse_lane = 10.0f;
+// A lane change has to gain this much; one under way goes on unless it loses that much. [s]
+static const float change_gain = 0.7f;
+// Slower vehicles ahead count as far as is driven in this time. [s]
+static const float look_ahead_s = 20.0f;
+static const float delay_max = 30.0f;    // [s]
+static const float queue_delay = 4.0f;   // [s] behind a vehicle that stands for a while
+
+static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* moves,
+                          uint32_t slot);
+static void set_state(const vg_flow* flow, vg_moves* moves, uint32_t slot, uint32_t along, float v1,
+                      float distance);
+static void lateral(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot);
+static uint8_t changes_allowed(const vg_model* model, const vg_flow* flow, uint32_t slot);
+
+void vg_drive_moves(const vg_model* model, const vg_flow* flow, vg_moves* moves)
+{
+    const float dt = (float)model->def->step_s;
+    for (uint32_t i = 0; i < model->controlled_count; ++i) {
+        moves->station[VG_KEEP_SPEED][i] = flow->station[i] + flow->v[i] * dt / flow->rate[i];
+        moves->v[VG_KEEP_SPEED][i] = flow->v[i];
+        lateral(model, flow, moves, i);
+    }
+    vg_flow_human_moves(model, flow, dt, moves->station[0], moves->v[0], moves->y[0]);
+    float kept[VERGE_CONTROLLED_MAX];
+    for (uint32_t i = 0; i < model->controlled_count; ++i) {
+        kept[i] = longitudinal(model, flow, moves, i);
+        moves->unchecked[i] = changes_allowed(model, flow, i);
+    }
+    for (uint32_t i = 0; i < model->controlled_count; ++i) { // seen by the others as KS until here
+        set_state(flow, moves, i, VG_KEEP_SPEED, kept[i], 0.5f * (flow->v[i] + kept[i]) * dt);
+    }
+}
+
+// ---------------------------------------------------------------------------- along the lane
+
+// Largest speed at the end of a step from which a vehicle can still follow: after the time tau it
+// brakes by b, as the one ahead does from v_ahead, and does not use up the gap (Gipps). gap: free
+// distance after the step if the vehicle keeps its speed v. [m/s]
+static float safe_speed(float gap, float v_ahead, float v, float dt, float tau, float b)
+{
+    const float c = b * (tau + 0.5f * dt);
+    // A vehicle that comes towards this one uses up the gap while this one brakes.
+    const float oncoming = v_ahead < 0.0f ? v_ahead * (v / b + dt) : 0.0f;
+    const float ahead = v_ahead > 0.0f ? v_ahead * v_ahead : 0.0f;
+    const float square = c * c + ahead + 2.0f * b * (gap + oncoming + 0.5f * v * dt);
+    return square > c * c ? (float)vg_sqrt((double)square) - c : 0.0f;
+}
+
+static float time_gap(const vg_model* model, uint32_t slot, int32_t ahead)
+{
+    return ahead >= 0 && ahead < (int32_t)model->controlled_count ? planned_gap_s
+                                                                  : model->time_gap[slot];
+}
+
+// Safe speed behind the vehicle ahead: comfortable, and safe if that one brakes hard.
+static float following_speed(const vg_model* model, const vg_flow* flow, const vg_neighbours* w,
+                             uint32_t slot, float share)
+{
+    if (w->ahead < 0) {
+        return VG_FAR_AWAY;
+    }
+    const float dt = (float)model->def->step_s, v = flow->v[slot];
+    const float gap = w->gap_ahead - model->half_length[slot];
+    const float comfort = safe_speed(gap - standstill_gap, w->v_ahead, v, dt,
+                                     share * time_gap(model, slot, w->ahead), comfort_braking);
+    const float own = hard_share * model->braking_hard[slot];
+    const float other = model->braking_hard[w->ahead];
+    if (own >= other) {
+        return comfort;
+    }
+    const float v_ahead = w->v_ahead * (float)vg_sqrt((double)(own / other));
+    return vg_minf(comfort, safe_speed(gap, v_ahead, v, dt, reaction_s, own));
+}
+
+// Speed limit at a station that may lie on a lane that continues this one. [m/s]
+static float limit_at(const vg_model* model, const vg_flow* flow, uint32_t slot, float station)
+{
+    const verge_road* road = model->road;
+    const vg_lane* lane = &road->lanes[flow->lane[slot]];
+    float beyond = (station - (float)lane->station_end) * flow->rate[slot];
+    vg_walk walk = vg_walk_from(road, (uint32_t)flow->lane[slot], model->target[slot]);
+    while (beyond > 0.0f && vg_walk_on(&walk)) {
+        lane = &road->lanes[walk.lane];
+        station = (float)vg_lane_station(lane, (double)beyond);
+        beyond -= (float)lane->length;
+    }
+    const vg_bin_place place = vg_bin_at(lane, station);
+    return vg_minf(vg_minf(place.here[0].speed, place.here[1].speed), model->speed_max[slot]);
+}
+
+// Safe speed before a line at which the front has to stop. distance: from the centre. [m]
+static float stopping_speed(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                            float distance)
+{
+    if (distance >= 0.5f * VG_FAR_AWAY) {
+        return VG_FAR_AWAY;
+    }
+    const float dt = (float)model->def->step_s, v = flow->v[slot];
+    const float gap = distance - model->half_length[slot] - v * dt;
+    return safe_speed(gap, 0.0f, v, dt, 0.0f, comfort_braking);
+}
+
+// The end of a lane that has to be left. [m] from the centre to the place where the front stops
+static float dead_end_ahead(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const vg_lane* lane = &model->road->lanes[flow->lane[slot]];
+    if (!lane->dead_end) {
+        return VG_FAR_AWAY;
+    }
+    return ((float)lane->station_end - flow->station[slot]) * flow->rate[slot] - end_reserve;
+}
+
+static void set_state(const vg_flow* flow, vg_moves* moves, uint32_t slot, uint32_t along, float v1,
+                      float distance)
+{
+    moves->v[along][slot] = v1;
+    moves->station[along][slot] = flow->station[slot] + distance / flow->rate[slot];
+}
+
+// Behind a vehicle, KS keeps the gap and not the speed alone, with small accelerations.
+static float kept_speed(const vg_model* model, const vg_flow* flow, const vg_neighbours* keep,
+                        uint32_t slot, float most)
+{
+    const float dt = (float)model->def->step_s, v = flow->v[slot];
+    const bool follows = keep->ahead >= 0
+                         && keep->gap_ahead - model->half_length[slot] < following_s * v;
+    const float change = keeping_acceleration * dt;
+    return follows || most < v ? vg_maxf(v + vg_minf(vg_maxf(most - v, -change), change), 0.0f) : v;
+}
+
+// Computes the states of AC and DC and which actions are legal. Returns the speed after KS.
+static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* moves,
+                          uint32_t slot)
+{
+    const float dt = (float)model->def->step_s, v = flow->v[slot];
+    const float station = moves->station[VG_KEEP_SPEED][slot];
+    vg_neighbours* keep = &moves->keep[slot];
+    *keep = vg_nearest(model, flow, slot, station, moves->y[VG_KEEP_LANE][slot], moves->station[0],
+                       moves->v[0], VG_FAR_AWAY);
+    const float limit = vg_minf(limit_at(model, flow, slot, station),
+                                vg_minf(flow->limit[slot], model->speed_max[slot]) + dt);
+    const float free =
+        vg_minf(following_speed(model, flow, keep, slot, 1.0f),
+                stopping_speed(model, flow, slot, vg_minf(dead_end_ahead(model, flow, slot),
+                                                          vg_order_wall(model, flow, slot))));
+    const float most = vg_minf(limit, free);
+
+    const float v_ac = vg_minf(v + model->gain[slot], most);
+    set_state(flow, moves, slot, VG_SPEED_UP, v_ac, 0.5f * (v + v_ac) * dt);
+
+    const float hardest = model->braking_hard[slot];
+    const float for_limit = vg_minf((v - limit) / dt, comfort_braking);
+    const float needed = vg_minf(vg_maxf(for_limit, (v - free) / dt), hardest);
+    const float braking = needed > 0.0f ? needed : vg_minf(chosen_braking, hardest);
+    const float v_dc = vg_maxf(v - braking * dt, 0.0f);
+    const float way = v < braking * dt ? 0.5f * v * v / braking : 0.5f * (v + v_dc) * dt;
+    set_state(flow, moves, slot, VG_SLOW_DOWN, v_dc, way);
+
+    static const float slack = 0.1f; // [m/s]
+    const float kept = kept_speed(model, flow, keep, slot, most);
+    uint32_t legal = kept <= most + slack ? 1u << VERGE_KEEP_SPEED : 0u;
+    legal |= v_ac > v + 0.5f * slack ? 1u << VERGE_ACCELERATE : 0u;
+    legal |= v > slack || legal == 0 ? 1u << VERGE_DECELERATE : 0u;
+    moves->legal[slot] = (uint8_t)legal;
+    return kept;
+}
+
+// ---------------------------------------------------------------------------- across the lane
+
+static float lateral_within(float distance)
+{
+    return distance * vg_minf(slope_max, distance / turning_circle);
+}
+
+// Lateral distance of one step where speed does not limit it. [m]
+static float reach_of(const vg_model* model, float across)
+{
+    return vg_maxf(across, lane_width_min) * 0.5f * (float)model->def->step_s / half_change_s;
+}
+
+// Lane keeping returns to the centre of the lane, or to where there is room beside a body.
+static void lateral(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot)
+{
+    const float d = flow->d[slot], v = flow->v[slot];
+    const float most = vg_maxf(flow->left_gap[slot], flow->right_gap[slot]);
+    const float reach =
+        vg_minf(reach_of(model, most), lateral_within(v * (float)model->def->step_s));
+    const float goal = vg_lane_goal(model, flow, slot, moves->station[VG_KEEP_SPEED][slot]);
+    moves->y[VG_KEEP_LANE][slot] = flow->y[slot] + vg_maxf(vg_minf(goal - d, reach), -reach);
+}
+
+// Distance to the centre of the lane beside; 0: no change there. Where a lane ends beside one that
+// continues, a change may still begin a little beyond the end. [m]
+static float across_gap(const vg_model* model, const vg_flow* flow, uint32_t slot, bool left)
+{
+    const float gap = left ? flow->left_gap[slot] : flow->right_gap[slot];
+    const vg_lane* lane = &model->road->lanes[flow->lane[slot]];
+    if (gap > 0.0f || !lane->dead_end) {
+        return gap;
+    }
+    const float beyond = flow->station[slot] - (float)lane->station_end;
+    const vg_bin* last = &lane->bins[lane->bin_count - 1u];
+    const vg_bin* before = last - 1;
+    if (beyond < (float)-VG_BIN || beyond > beyond_end) {
+        return 0.0f;
+    }
+    return left ? vg_maxf(last->left_gap, before->left_gap)
+                : vg_maxf(last->right_gap, before->right_gap);
+}
+
+static int32_t lane_beside(const vg_model* model, const vg_flow* flow, uint32_t slot, bool left)
+{
+    const vg_lane* lane = &model->road->lanes[flow->lane[slot]];
+    return left ? lane->left : lane->right;
+}
+
+static float time_to_go(const vg_model* model, uint32_t slot, int32_t lane, float station)
+{
+    return model->value == NULL || lane < 0
+               ? 0.0f : vg_value_at(model->value, slot, (uint32_t)lane, station);
+}
+
+// The changes that the road allows, without those to lanes that lead nowhere.
+static uint8_t changes_allowed(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const float d = flow->d[slot];
+    const float own = time_to_go(model, slot, flow->lane[slot], flow->station[slot]);
+    uint32_t allowed = 0;
+    for (uint32_t side = 0; side < 2; ++side) {
+        const bool left = side == 0;
+        const uint32_t bit = 1u << (left ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT);
+        if (left ? d < -VG_CENTRED : d > VG_CENTRED) { // completes the change that led here
+            allowed |= bit;
+        } else if (across_gap(model, flow, slot, left) > 0.0f) {
+            const int32_t beside = lane_beside(model, flow, slot, left);
+            const float there = time_to_go(model, slot, beside, flow->station[slot]);
+            allowed |= there < own + worse_lane ? bit : 0u;
+        }
+    }
+    return (uint8_t)allowed;
+}
+
+// What a lane change has to fit between.
+typedef struct gaps {
+    vg_neighbours w;       // in the lane changed to
+    float ahead, behind;   // [m] free there
+    bool  under_way;       // the change has begun, or completes an earlier one
+} gaps;
+
+static bool closing_fits(float gap, float opening)
+{
+    return gap >= finish_room && gap + finish_s * opening > finish_left;
+}
+
+static bool fits_behind_leader(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                               const gaps* g)
+{
+    const float v = flow->v[slot], dt = (float)model->def->step_s;
+    if (g->w.ahead < 0) {
+        return true;
+    }
+    if (g->under_way) {
+        return closing_fits(g->ahead, g->w.v_ahead - v);
+    }
+    const float room = vg_minf(model->change_gap, vg_low_speed_gap(model, v));
+    const float tau = change_gap_share * time_gap(model, slot, g->w.ahead);
+    return g->ahead >= room
+           && safe_speed(g->ahead - 0.5f * standstill_gap, g->w.v_ahead, v, dt, tau,
+                         comfort_braking + 1.0f) >= v - change_braking * dt;
+}
+
+// The one behind may have to brake a little. Planned ones follow closer than others.
+static bool fits_before_follower(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                                 const gaps* g)
+{
+    const float v = flow->v[slot], dt = (float)model->def->step_s;
+    const int32_t behind = g->w.behind;
+    if (behind < 0) {
+        return true;
+    }
+    const float v_behind = g->w.v_behind;
+    if (g->under_way) {
+        return closing_fits(g->behind, v - v_behind);
+    }
+    if (g->behind < vg_minf(model->change_gap, vg_low_speed_gap(model, v_behind))) {
+        return false;
+    }
+    if (behind < (int32_t)model->controlled_count) {
+        return safe_speed(g->behind - 0.5f * standstill_gap, v, v_behind, dt,
+                          0.5f * planned_gap_s, comfort_braking + 1.0f)
+               >= v_behind - change_braking_behind * dt;
+    }
+    return vg_human_acceleration(model, (uint32_t)behind, v_behind, g->behind, v)
+           >= -change_braking_behind;
+}
+
+// Speed of the change with regard to the vehicle ahead in the own lane. Below 0: it would be hit.
+static float speed_past_leader(const vg_model* model, const vg_flow* flow,
+                               const vg_neighbours* keep, uint32_t slot, float across)
+{
+    if (keep->ahead < 0) {
+        return VG_FAR_AWAY;
+    }
+    const float v = flow->v[slot], dt = (float)model->def->step_s;
+    const float gap = keep->gap_ahead - model->half_length[slot];
+    const float safe = safe_speed(gap - 0.5f, keep->v_ahead, v, dt, 0.0f, comfort_braking + 1.0f);
+    if (safe >= v - change_braking * dt && safe > squeeze_speed) {
+        return safe;
+    }
+    // It stands or nearly so: is there distance enough to turn out before it?
+    const float widths = model->half_width[slot] + model->half_width[keep->ahead] + pass_clearance;
+    const float dy = vg_gap_left(model, slot, (uint32_t)keep->ahead, flow->y[slot],
+                                 flow->y[keep->ahead]);
+    const float needed = across > 0.0f ? widths + dy : widths - dy;
+    const float now = gap + v * dt; // before the step
+    return needed / slope_of_nose <= now - pass_clearance && v <= slow_speed ? squeeze_speed : -1.0f;
+}
+
+void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves* moves,
+                           uint32_t slot, uint8_t action)
+{
+    const uint8_t bit = (uint8_t)(1u << action);
+    if ((moves->unchecked[slot] & bit) == 0) {
+        return;
+    }
+    moves->unchecked[slot] = (uint8_t)(moves->unchecked[slot] & ~bit);
+    const bool left = action == VERGE_CHANGE_LEFT;
+    const float sign = left ? 1.0f : -1.0f;
+    const float d = sign * flow->d[slot], v = flow->v[slot], dt = (float)model->def->step_s;
+    const bool finishes = d < -VG_CENTRED;
+    const float whole = finishes ? -d : across_gap(model, flow, slot, left) - d;
+    const float y = flow->y[slot] + sign * whole;
+    gaps g = { .w = vg_nearest(model, flow, slot, moves->station[0][slot], y, moves->station[0],
+                               moves->v[0], VG_FAR_AWAY),
+               .under_way = finishes || d > VG_CENTRED };
+    g.ahead = g.w.gap_ahead - model->half_length[slot];
+    g.behind = g.w.gap_behind - model->half_length[slot];
+    if (!fits_behind_leader(model, flow, slot, &g)
+        || !fits_before_follower(model, flow, slot, &g)) {
+        return;
+    }
+    const float past = finishes ? VG_FAR_AWAY
+                                : speed_past_leader(model, flow, &moves->keep[slot], slot, sign);
+    const float limit = vg_minf(vg_minf(flow->limit[slot], model->speed_max[slot]), past);
+    const float wanted = vg_minf(vg_minf(v + model->gain[slot], limit),
+                                 following_speed(model, flow, &g.w, slot, change_gap_share));
+    const float v1 = vg_maxf(wanted, vg_maxf(v - change_braking * dt, 0.0f));
+    const float distance = 0.5f * (v + v1) * dt;
+    if (past < 0.0f || v1 > past + 0.1f || distance < 0.1f) {
+        return;
+    }
+    const uint32_t along = vg_actions[action].along, across = vg_actions[action].across;
+    const float within = past == squeeze_speed ? slope_of_nose * distance : lateral_within(distance);
+    const float reach = vg_minf(reach_of(model, whole + vg_maxf(d, 0.0f)), within);
+    set_state(flow, moves, slot, along, v1, distance);
+    moves->y[across][slot] = flow->y[slot] + sign * vg_minf(whole, reach);
+    moves->change_gap[left ? 0 : 1][slot] = vg_minf(g.ahead, g.behind);
+    moves->legal[slot] = (uint8_t)(moves->legal[slot] | bit);
+}
+
+// ---------------------------------------------------------------------------- the policy
+
+float vg_drive_delay(const vg_model* model, const vg_flow* flow, uint32_t slot, float gap,
+                     float v_ahead, int32_t ahead)
+{
+    if (ahead < 0) {
+        return 0.0f;
+    }
+    const float wanted = vg_drive_desired(model, flow, slot);
+    const float reach = look_ahead_s * wanted;
+    if (gap >= reach || v_ahead >= wanted) {
+        return 0.0f;
+    }
+    // The whole reach is driven at the speed of the one ahead; less if it is far away.
+    const float far = vg_maxf(gap, 0.0f) / reach;
+    const float way = reach * (1.0f - far * far);
+    const float delay = vg_minf(way / vg_maxf(v_ahead, 0.5f) - way / wanted, delay_max);
+    // A queue moves on soon.
+    const bool planned = ahead < (int32_t)model->controlled_count;
+    return v_ahead < 1.0f && (planned || model->standing[ahead] == VG_TEMPORARILY_STOPPED)
+               ? vg_minf(delay, queue_delay) : delay;
+}
+
+// Time to go by the lane beside, with its traffic. [s]
+static float beside_time(const vg_model* model, const vg_flow* flow, const vg_moves* moves,
+                         uint32_t slot, bool left)
+{
+    const int32_t beside = lane_beside(model, flow, slot, left);
+    const float across = across_gap(model, flow, slot, left);
+    const float y = flow->y[slot] - flow->d[slot] + (left ? across : -across);
+    const vg_neighbours w = vg_nearest(model, flow, slot, moves->station[0][slot], y,
+                                       moves->station[0], moves->v[0], VG_FAR_AWAY);
+    return time_to_go(model, slot, beside, flow->station[slot])
+           + vg_drive_delay(model, flow, slot, w.gap_ahead - model->half_length[slot], w.v_ahead,
+                            w.ahead);
+}
+
+uint8_t vg_drive_policy(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot)
+{
+    const uint8_t keeping = moves->legal[slot];
+    const uint8_t along = keeping & 1u << VERGE_ACCELERATE  ? VERGE_ACCELERATE
+                          : keeping & 1u << VERGE_KEEP_SPEED ? VERGE_KEEP_SPEED
+                                                             : VERGE_DECELERATE;
+    const uint8_t changes = moves->unchecked[slot] | moves->legal[slot];
+    const vg_neighbours* keep = &moves->keep[slot];
+    const float own = time_to_go(model, slot, flow->lane[slot], flow->station[slot]);
+    const float here =
+        own + vg_drive_delay(model, flow, slot, keep->gap_ahead - model->half_length[slot],
+                             keep->v_ahead, keep->ahead);
+    float best = here;
+    uint8_t choice = along;
+    for (uint32_t side = 0; side < 2; ++side) {
+        const bool left = side == 0;
+        const uint8_t action = left ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT;
+        const float d = left ? flow->d[slot] : -flow->d[slot];
+        const float cost = d > VG_CENTRED ? -change_gain : VG_VALUE_CHANGE + change_gain;
+        const int32_t beside = lane_beside(model, flow, slot, left);
+        if ((changes >> action & 1u) == 0 || d < -VG_CENTRED
+            || time_to_go(model, slot, beside, flow->station[slot]) + cost >= best) {
+            continue;
+        }
+        const float time = cost + beside_time(model, flow, moves, slot, left);
+        if (time < best && vg_flow_check_change(model, flow, moves, slot, action)) {
+            best = time;
+            choice = action;
+        }
+    }
+    return choice;
+}

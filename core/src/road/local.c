@@ -137,7 +137,9 @@ static void spread(vg_local* self, const struct verge_road* road, uint32_t lane,
         come_near(self, road->bundle_lanes[k], cost + aside);
     }
     for (uint32_t k = road->conflicts_from[lane]; k < road->conflicts_from[lane + 1]; ++k) {
-        come_near(self, road->conflicts[k].other, cost + across);
+        if (!road->conflicts[k].parts) {
+            come_near(self, road->conflicts[k].other, cost + across);
+        }
     }
     for (uint32_t k = road->merges_from[lane]; k < road->merges_from[lane + 1]; ++k) {
         come_near(self, road->merges[k].other, cost + across);

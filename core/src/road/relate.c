@@ -30,6 +30,7 @@ typedef struct pair {
 
 typedef struct area {
     vg_run on_a, on_b;
+    bool   parts; ///< see vg_conflict
 } area;
 
 /// The work of this stage, in scratch.
@@ -237,7 +238,7 @@ static void widen(vg_run* run, const vg_run* by)
 }
 
 /// An area beyond the capacity is joined to the last area of the pair.
-static void area_add(work* self, pair* pair, const vg_run* on_a, const vg_run* on_b)
+static void area_add(work* self, pair* pair, const vg_run* on_a, const vg_run* on_b, bool parts)
 {
     if (pair->count == pair->meeting.areas_max) {
         area* last = &self->areas[self->area_count - 1];
@@ -245,7 +246,7 @@ static void area_add(work* self, pair* pair, const vg_run* on_a, const vg_run* o
         widen(&last->on_b, on_b);
         return;
     }
-    self->areas[self->area_count++] = (area){ *on_a, *on_b };
+    self->areas[self->area_count++] = (area){ *on_a, *on_b, parts };
     pair->count++;
 }
 
@@ -259,6 +260,12 @@ static void find_areas_of(work* self, pair* pair)
         return;
     }
     uint32_t count_b = vg_lane_runs(b, a, VG_BODY_WIDTH_MAX, true, on_b);
+    if (count_b == 0) {
+        return;
+    }
+    if (pair->kind == VG_DIVERGED && pair->touch[0] > -VG_HUGE && pair->touch[1] > -VG_HUGE) {
+        area_add(self, pair, &on_a[0], &on_b[0], true);
+    }
     count_a = cut_related(a, pair, pair->touch[0], on_a, count_a);
     count_b = cut_related(b, pair, pair->touch[1], on_b, count_b);
     for (uint32_t i = 0; i < count_a; ++i) {
@@ -268,7 +275,7 @@ static void find_areas_of(work* self, pair* pair)
                               && on_b[k].other_from <= on_a[i].to + walk_step
                               && on_b[k].other_to >= on_a[i].from - walk_step;
             if (meet) {
-                area_add(self, pair, &on_a[i], &on_b[k]);
+                area_add(self, pair, &on_a[i], &on_b[k], false);
             }
         }
     }
@@ -347,7 +354,8 @@ static vg_conflict conflict_from(const struct verge_road* road, const uint32_t l
                           .from = (float)vg_lane_station(lane, own->from - pad),
                           .to = (float)vg_lane_station(lane, own->to + pad),
                           .other_from = (float)vg_lane_station(other, others->from - pad),
-                          .other_to = (float)vg_lane_station(other, others->to + pad) };
+                          .other_to = (float)vg_lane_station(other, others->to + pad),
+                          .parts = area->parts };
 }
 
 static void store_conflicts(const work* self)

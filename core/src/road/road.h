@@ -89,12 +89,14 @@ typedef struct vg_merge {
     float    offset, lateral, touch; ///< [m] see vg_relation
 } vg_merge;
 
-/// Stretches of two lanes, not related above, where bodies of up to 2.6 m could touch
-/// (a crossing, a roundabout entry that no successor describes). Stored for both lanes.
+/// Stretches of two lanes, not related above, where bodies of up to 2.6 m could touch: a crossing, a
+/// roundabout entry that no successor describes, the begin of lanes that part. Stored for both.
 typedef struct vg_conflict {
     uint16_t other;                ///< lane index
     float    from, to;             ///< [m] stretch of the lane, in its stations
     float    other_from, other_to; ///< [m] stretch of `other`, in its stations
+    bool     parts;                ///< both come from one lane and have not parted yet here: a vehicle
+                                   ///< on one follows a vehicle on the other
 } vg_conflict;
 
 /// Some metres of one lane, for looking up what is near a point.

@@ -155,7 +155,7 @@ static bool areas_conflict(const vg_model* model, const vg_flow* flow, const flo
     const float half_i = model->half_length[i], half_j = model->half_length[j];
     for (uint32_t k = road->conflicts_from[lane_i]; k < road->conflicts_from[lane_i + 1u]; ++k) {
         const vg_conflict* area = &road->conflicts[k];
-        if (area->other != lane_j) {
+        if (area->other != lane_j || area->parts) {
             continue;
         }
         const bool in_i = sweeps(flow->station[i], flow->station[i], half_i, area->from, area->to);

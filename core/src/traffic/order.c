@@ -11,12 +11,12 @@ static const float scope_distance = 60.0f; // [m]
 static const float scope_time = 8.0f;      // [s]
 // Routes are known this far beyond the scope: the room behind a crossing lies there. [m]
 static const float route_beyond = 60.0f;
-// A front waits this far before an area. Areas have half a metre or more to spare. [m]
-static const float stop_before = 1.0f;
 // Free distance between standing vehicles. [m]
 static const float standing_gap = 2.0f;
 // Slower vehicles may stand when one arrives behind them. [m/s]
 static const float slow = 2.0f;
+// A vehicle follows one on a lane that merges by this time, where both may brake so. [s], [m/s^2]
+static const float merge_headway = 0.6f, braking_behind = 2.0f;
 // A vehicle that would have to brake harder drives through. [m/s^2]
 static const float braking_last = 8.0f;
 // A box that is full binds vehicles that can still stop with this. [m/s^2]
@@ -52,11 +52,16 @@ vg_order* vg_order_take(vg_arena* arena, uint32_t vehicles_max)
     return self;
 }
 
-// Does the road have anything to order?
-static bool has_areas(const verge_road* road, const verge_scene* scene)
+// Is there anything to order?
+static bool has_areas(const vg_model* model, const vg_flow* flow, const verge_scene* scene)
 {
-    return road->has_successors || road->conflicts_from[road->lane_count] > 0
-           || scene->signal_count > 0;
+    const verge_road* road = model->road;
+    bool found = road->has_successors || road->conflicts_from[road->lane_count] > 0
+                 || scene->signal_count > 0;
+    for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
+        found = found || road->lanes[flow->lane[slot]].dead_end;
+    }
+    return found;
 }
 
 static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
@@ -67,7 +72,7 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
     model->order = self;
     self->slots = 0;
     self->reordered = 0;
-    if (!has_areas(model->road, scene)) {
+    if (!has_areas(model, flow, scene)) {
         if (turns != NULL) {
             turns->count = 0;
         }
@@ -75,6 +80,7 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
     }
     find_courses(self, model, flow, scene);
     find_shares(self, model, flow);
+    vg_order_zip(self, model, flow);
     vg_order_rank(self, model, flow, scene, turns, decision);
     bind(self, model);
     self->slots = model->count;
@@ -104,12 +110,12 @@ static float scope_of(const vg_flow* flow, uint32_t slot)
     return vg_maxf(scope_distance, scope_time * flow->v[slot]);
 }
 
-static float on_leg(const vg_leg* leg, float station)
+static float on_leg(const vg_route_leg* leg, float station)
 {
     return leg->begin + station * leg->scale;
 }
 
-static float leg_start(const vg_leg* leg, const verge_road* road)
+static float leg_start(const vg_route_leg* leg, const verge_road* road)
 {
     return on_leg(leg, (float)road->lanes[leg->lane].station_start);
 }
@@ -118,7 +124,7 @@ static void add_leg(vg_course* course, const vg_lane* lane, int32_t index, float
 {
     const float stations = (float)(lane->station_end - lane->station_start);
     const float scale = (float)lane->length / vg_maxf(stations, 1e-3f);
-    course->legs[course->leg_count++] = (vg_leg){
+    course->legs[course->leg_count++] = (vg_route_leg){
         .lane = index, .begin = begin - (float)lane->station_start * scale, .scale = scale,
     };
 }
@@ -199,14 +205,14 @@ static void find_boxes(vg_course* course, const verge_road* road, float half)
 {
     const float room = 2.0f * half + standing_gap;
     for (uint32_t k = 0; k < course->leg_count; ++k) {
-        const vg_leg* leg = &course->legs[k];
+        const vg_route_leg* leg = &course->legs[k];
         const uint32_t lane = (uint32_t)leg->lane;
         float done = -VG_FAR_AWAY;
         for (bool more = true; more;) {
             const vg_conflict* next = NULL;
             for (uint32_t c = road->conflicts_from[lane]; c < road->conflicts_from[lane + 1u]; ++c) {
                 const vg_conflict* area = &road->conflicts[c];
-                if (area->from > done && (next == NULL || area->from < next->from)) {
+                if (!area->parts && area->from > done && (next == NULL || area->from < next->from)) {
                     next = area;
                 }
             }
@@ -229,7 +235,7 @@ static void find_red(vg_course* course, const vg_model* model, const vg_flow* fl
 {
     course->red = VG_FAR_AWAY;
     for (uint32_t k = 0; scene->signal_count > 0 && k < course->leg_count; ++k) {
-        const vg_leg* leg = &course->legs[k];
+        const vg_route_leg* leg = &course->legs[k];
         const vg_lane* lane = &model->road->lanes[leg->lane];
         const verge_signal* signal = verge_scene_signal(scene, lane->id);
         if (signal == NULL || signal->state == VERGE_SIGNAL_GREEN
@@ -252,6 +258,7 @@ static void find_courses(vg_order* self, const vg_model* model, const vg_flow* f
 {
     const vg_local* local = model->pairs->local;
     memset(self->through, 0, VERGE_LANES_NEAR_MAX * sizeof self->through[0]);
+    memset(self->before, 0, model->count * sizeof self->before[0]);
     for (uint32_t slot = 0; slot < model->count; ++slot) {
         vg_course* course = &self->courses[slot];
         memset(course, 0, sizeof *course);
@@ -268,7 +275,7 @@ static void find_courses(vg_order* self, const vg_model* model, const vg_flow* f
     }
 }
 
-static const vg_leg* leg_of(const vg_course* course, int32_t lane)
+static const vg_route_leg* leg_of(const vg_course* course, int32_t lane)
 {
     for (uint32_t k = 0; k < course->leg_count; ++k) {
         if (course->legs[k].lane == lane) {
@@ -282,7 +289,7 @@ static const vg_leg* leg_of(const vg_course* course, int32_t lane)
 static float position_on(const vg_course* course, const verge_road* road, int32_t lane,
                          float station)
 {
-    const vg_leg* leg = leg_of(course, lane);
+    const vg_route_leg* leg = leg_of(course, lane);
     for (uint32_t k = 0; leg == NULL && k < course->leg_count; ++k) {
         if (road->lanes[course->legs[k].lane].bundle == road->lanes[lane].bundle) {
             leg = &course->legs[k];
@@ -300,8 +307,7 @@ float vg_order_position(const vg_model* model, const vg_flow* flow, uint32_t slo
 
 // ---------------------------------------------------------------------------- shared areas
 
-// Where more areas are shared than there is room for, the nearest ones are kept.
-static void add_share(vg_order* self, uint32_t slot, const vg_share* share)
+void vg_order_share(vg_order* self, uint32_t slot, const vg_share* share)
 {
     vg_course* course = &self->courses[slot];
     vg_share* shares = &self->shares[slot * self->shares_max];
@@ -335,13 +341,22 @@ static void share(vg_order* self, const vg_model* model, const vg_flow* flow, ui
         .lane = area->other_lane, .other_lane = area->lane,
         .other = (uint8_t)i, .kind = area->kind,
     };
-    add_share(self, i, area);
-    add_share(self, j, &back);
+    vg_order_share(self, i, area);
+    vg_order_share(self, j, &back);
+}
+
+// Lanes that part are like a crossing for vehicles that come from different lanes.
+static uint8_t kind_of(const vg_order* self, const vg_conflict* area, uint32_t i, uint32_t j,
+                       const vg_route_leg* leg, const vg_route_leg* other)
+{
+    const bool first_i = leg == self->courses[i].legs, first_j = other == self->courses[j].legs;
+    const bool same = first_i || first_j || leg[-1].lane == other[-1].lane;
+    return area->parts && same ? VG_SHARE_PART : VG_SHARE_CROSS;
 }
 
 // Crossings of one lane of the route of slot i with the routes of the slots after it.
 static void find_crossings(vg_order* self, const vg_model* model, const vg_flow* flow, uint32_t i,
-                           const vg_leg* leg)
+                           const vg_route_leg* leg)
 {
     const verge_road* road = model->road;
     const vg_local* local = model->pairs->local;
@@ -354,13 +369,13 @@ static void find_crossings(vg_order* self, const vg_model* model, const vg_flow*
         }
         for (uint64_t set = self->through[place] >> i >> 1; set != 0; set &= set - 1u) {
             const uint32_t j = i + 1u + (uint32_t)__builtin_ctzll(set);
-            const vg_leg* other = leg_of(&self->courses[j], area->other);
+            const vg_route_leg* other = leg_of(&self->courses[j], area->other);
             const vg_share found = {
                 .enter = on_leg(leg, area->from), .leave = on_leg(leg, area->to),
                 .other_enter = on_leg(other, area->other_from),
                 .other_leave = on_leg(other, area->other_to),
                 .lane = (uint16_t)lane, .other_lane = area->other,
-                .other = (uint8_t)j, .kind = VG_SHARE_CROSS,
+                .other = (uint8_t)j, .kind = kind_of(self, area, i, j, leg, other),
             };
             share(self, model, flow, i, &found);
         }
@@ -384,7 +399,7 @@ static void find_merge(vg_order* self, const vg_model* model, const vg_flow* flo
 {
     const vg_course *own = &self->courses[i], *others = &self->courses[j];
     for (uint32_t p = 0; p < own->leg_count; ++p) {
-        const vg_leg* there = leg_of(others, own->legs[p].lane);
+        const vg_route_leg* there = leg_of(others, own->legs[p].lane);
         if (there == NULL) {
             continue;
         }
@@ -447,24 +462,45 @@ static void bind(vg_order* self, const vg_model* model)
 
 // ---------------------------------------------------------------------------- walls
 
-// Takes the wall at `at`, before which the front of the slot waits, if it is the nearest.
+// Takes the wall at `at`, where the front of the slot waits, if it is the nearest.
 static void take_wall(vg_wall* wall, float at, float r, verge_why why, int32_t slot, int32_t lane)
 {
-    const float distance = at - stop_before - r;
+    const float distance = at - r;
     if (distance < wall->distance) {
         *wall = (vg_wall){ distance, why, slot, lane };
     }
 }
 
-// Has the vehicle that goes first left the area, or is it ahead where lanes have merged?
-static bool is_clear(const vg_model* model, const vg_flow* flow, const vg_share* area, float r)
+// Position where the front of the slot waits because of an area: before its entry. Where lanes merge
+// or part, it may follow the one that goes first beyond the entry: up to where that one would stop.
+// VG_FAR_AWAY: the vehicle that goes first has left the area.
+static float line_of(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                     const vg_share* area, float r)
 {
     const uint32_t j = area->other;
     const float other = vg_order_position(model, flow, j);
-    if (area->kind == VG_SHARE_CROSS) {
-        return other == -VG_FAR_AWAY || other - model->half_length[j] > area->other_leave;
+    const float line = area->enter - vg_share_margin(area);
+    if (other == -VG_FAR_AWAY) {
+        return VG_FAR_AWAY;
     }
-    return other == -VG_FAR_AWAY || area->other_leave - other < area->leave - r;
+    if (area->kind == VG_SHARE_CROSS) {
+        return other - model->half_length[j] > area->other_leave ? VG_FAR_AWAY : line;
+    }
+    const bool parts = area->kind == VG_SHARE_PART;
+    if (parts ? other - model->half_length[j] > area->other_leave : other > area->other_leave) {
+        return VG_FAR_AWAY; // it has parted, or is the leader on the common lane
+    }
+    // Positions beyond the end, or before the begin, of the common lane.
+    const float ahead = parts ? (other - area->other_enter) - (r - area->enter)
+                              : (area->leave - r) - (area->other_leave - other);
+    const float v = vg_maxf(flow->v[j], 0.0f), own = flow->v[slot];
+    const float rear = r + ahead - model->half_length[j] - standing_gap;
+    const float until = (area->enter - r - model->half_length[slot]) / vg_maxf(own, 1.0f);
+    if (!parts && rear - r - model->half_length[slot] + (v - own) * until < 0.0f) {
+        return line; // it would still be beside
+    }
+    const float stops = rear + v * v / (2.0f * braking_behind) - merge_headway * own;
+    return parts ? stops : vg_maxf(line, stops);
 }
 
 static void wall_of_shares(const vg_model* model, const vg_flow* flow, uint32_t slot, float r,
@@ -475,11 +511,17 @@ static void wall_of_shares(const vg_model* model, const vg_flow* flow, uint32_t 
     const float front = r + model->half_length[slot];
     for (uint32_t k = 0; k < order->courses[slot].bind_count; ++k) {
         const vg_share* area = &shares[k];
-        if (front < area->enter && area->enter - stop_before - r < wall->distance
-            && can_stop(flow->v[slot], area->enter - front, braking_last)
-            && !is_clear(model, flow, area, r)) {
-            take_wall(wall, area->enter, r,
-                      area->kind == VG_SHARE_CROSS ? VERGE_WHY_AREA : VERGE_WHY_MERGE,
+        if (area->kind == VG_SHARE_ZIP) {
+            const float distance = vg_order_zip_wall(model, flow, slot, area->other);
+            if (distance < wall->distance) {
+                *wall = (vg_wall){ distance, VERGE_WHY_MERGE, (int32_t)area->other,
+                                   (int32_t)area->other_lane };
+            }
+        } else if (area->kind == VG_SHARE_PART
+                   || (front < area->enter && area->enter - VG_STOP_BEFORE_MERGE - r < wall->distance
+                       && can_stop(flow->v[slot], area->enter - front, braking_last))) {
+            static const verge_why whys[] = { VERGE_WHY_AREA, VERGE_WHY_MERGE, VERGE_WHY_LEADER };
+            take_wall(wall, line_of(model, flow, slot, area, r), r, whys[area->kind],
                       (int32_t)area->other, (int32_t)area->other_lane);
         }
     }
@@ -494,7 +536,7 @@ static float room_behind(const vg_order* order, const vg_model* model, const vg_
     float ahead[VERGE_VEHICLES_MAX], end = VG_FAR_AWAY, taken = 0.0f;
     *last = -1;
     for (uint32_t k = 0; k < model->count; ++k) {
-        const vg_leg* leg = k != slot ? leg_of(course, flow->lane[k]) : NULL;
+        const vg_route_leg* leg = k != slot ? leg_of(course, flow->lane[k]) : NULL;
         const float at = leg != NULL ? on_leg(leg, flow->station[k]) : -VG_FAR_AWAY;
         const float half = model->half_length[k];
         ahead[k] = at;
@@ -536,15 +578,15 @@ static void wall_of_boxes(const vg_model* model, const vg_flow* flow, uint32_t s
     const float half = model->half_length[slot], v = flow->v[slot];
     for (uint32_t k = 0; k < course->box_count; ++k) {
         const vg_box* box = &course->boxes[k];
-        const float gap = box->enter - stop_before - r - half;
-        if (gap + stop_before < 0.0f) {
+        const float gap = box->enter - VG_STOP_BEFORE - r - half;
+        if (gap + VG_STOP_BEFORE < 0.0f) {
             continue; // it is in the box already
         }
         int32_t last = -1;
-        if (box->enter - stop_before - r < wall->distance && can_stop(v, gap, braking_box)
+        if (box->enter - VG_STOP_BEFORE - r < wall->distance && can_stop(v, gap, braking_box)
             && gap < v * v + scope_distance
             && room_behind(model->order, model, flow, slot, r, box, &last) < 2.0f * half + standing_gap) {
-            take_wall(wall, box->enter, r, VERGE_WHY_EXIT, last, box->exit_lane);
+            take_wall(wall, box->enter - VG_STOP_BEFORE, r, VERGE_WHY_EXIT, last, box->exit_lane);
         }
         break; // the next box binds once this one is left behind
     }
@@ -556,8 +598,8 @@ static void wall_of_ring(const vg_model* model, const vg_flow* flow, uint32_t sl
 {
     const vg_course* course = &model->order->courses[slot];
     const float half = model->half_length[slot];
-    const float gap = course->ring_enter - stop_before - r - half;
-    if (course->ring_enter >= VG_FAR_AWAY || gap + stop_before < 0.0f || gap > scope_distance) {
+    const float gap = course->ring_enter - VG_STOP_BEFORE - r - half;
+    if (course->ring_enter >= VG_FAR_AWAY || gap + VG_STOP_BEFORE < 0.0f || gap > scope_distance) {
         return;
     }
     const uint32_t lane = (uint32_t)course->ring_lane;
@@ -571,7 +613,7 @@ static void wall_of_ring(const vg_model* model, const vg_flow* flow, uint32_t sl
     }
     const float ring = vg_local_relation(model->pairs->local, lane, lane)->period;
     if (taken > ring && last >= 0) {
-        take_wall(wall, course->ring_enter, r, VERGE_WHY_EXIT, last, course->ring_lane);
+        take_wall(wall, course->ring_enter - VG_STOP_BEFORE, r, VERGE_WHY_EXIT, last, course->ring_lane);
     }
 }
 
@@ -586,13 +628,13 @@ vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t s
     const vg_course* course = &order->courses[slot];
     const bool free = course->bind_count == 0 && course->box_count == 0
                       && course->ring_enter >= VG_FAR_AWAY && course->red >= VG_FAR_AWAY;
-    const vg_leg* leg = free ? NULL : leg_of(course, flow->lane[slot]);
+    const vg_route_leg* leg = free ? NULL : leg_of(course, flow->lane[slot]);
     if (leg == NULL || (model->lawless >> slot & 1u) != 0) {
         return wall;
     }
     const float r = on_leg(leg, flow->station[slot]);
     if (course->red < VG_FAR_AWAY && r + model->half_length[slot] <= course->red) {
-        take_wall(&wall, course->red + stop_before, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
+        take_wall(&wall, course->red, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
     }
     wall_of_shares(model, flow, slot, r, &wall);
     wall_of_boxes(model, flow, slot, r, &wall);
@@ -613,7 +655,7 @@ bool vg_order_conflict(const vg_model* model, const vg_flow* flow, const float* 
         return false;
     }
     const vg_course* course = &order->courses[i];
-    const vg_leg* leg = course->bind_count > 0 ? leg_of(course, flow->lane[i]) : NULL;
+    const vg_route_leg* leg = course->bind_count > 0 ? leg_of(course, flow->lane[i]) : NULL;
     const vg_share* shares = &order->shares[i * order->shares_max];
     const float half = model->half_length[i];
     for (uint32_t k = 0; leg != NULL && k < course->bind_count; ++k) {

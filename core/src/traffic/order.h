@@ -2,9 +2,10 @@
 /// scene and for all areas, so the order has no circle. It is made at the start of a decision and
 /// stays the same during the search; vg_order_wall() says where a vehicle has to stop because of it.
 ///
-/// Areas       Lanes that cross (vg_conflict), and lanes that lead to a common lane (merge). Each
-///             vehicle has a route: its lane and the lanes that continue it towards its target. Two
-///             routes share an area where one crosses or joins the other.
+/// Areas       Lanes that cross or part (vg_conflict), lanes that lead to a common lane (merge), and the ends
+///             of lanes beside others (zipper.c). Each vehicle has a route: its lane and the lanes
+///             that continue it towards its target. Two routes share an area where one crosses or
+///             joins the other.
 /// Rank        By the time of arrival (rank.c), with these exceptions, which are facts or rules: a
 ///             leader before its follower; a vehicle in an area, or one that cannot stop before it,
 ///             before others; an uncontrolled vehicle before one that would not clear the area early
@@ -45,13 +46,15 @@ enum {
 typedef enum vg_share_kind {
     VG_SHARE_CROSS, ///< bodies on both stretches can touch: one passes after the other
     VG_SHARE_MERGE, ///< both lead to a common lane: one follows the other
+    VG_SHARE_PART,  ///< both come from a common lane: one follows the other until they have parted
+    VG_SHARE_ZIP,   ///< one of them is on a lane that ends beside the lane of the other
 } vg_share_kind;
 
 /// One lane of a route. Positions on a route are metres from where the vehicle is at the root.
-typedef struct vg_leg {
+typedef struct vg_route_leg {
     int32_t lane;         ///< index
     float   begin, scale; ///< [m], [1] position = begin + station * scale
-} vg_leg;
+} vg_route_leg;
 
 /// An area that the routes of two vehicles share, as one of them sees it.
 typedef struct vg_share {
@@ -62,6 +65,15 @@ typedef struct vg_share {
     uint8_t  kind;                     ///< vg_share_kind
 } vg_share;
 
+/// A front waits this far before an area. [m]
+#define VG_STOP_BEFORE 1.5f
+/// The same where lanes merge: at a small angle they are close before bodies can touch. [m]
+#define VG_STOP_BEFORE_MERGE 3.0f
+static inline float vg_share_margin(const vg_share* share)
+{
+    return share->kind == VG_SHARE_CROSS ? VG_STOP_BEFORE : VG_STOP_BEFORE_MERGE;
+}
+
 /// A stretch of a route on which nobody should stop: crossings with no room to stop between them.
 typedef struct vg_box {
     float enter, leave; ///< [m] on the route
@@ -69,7 +81,7 @@ typedef struct vg_box {
 } vg_box;
 
 typedef struct vg_course {
-    vg_leg   legs[VG_LEGS_MAX];
+    vg_route_leg   legs[VG_LEGS_MAX];
     vg_box   boxes[VG_BOXES_MAX];
     uint32_t leg_count, box_count;
     uint32_t share_count, bind_count; ///< the first bind_count shares are with lower ranks
@@ -85,7 +97,8 @@ typedef struct vg_order {
     bool       of_humans;  ///< made by a simulator, to move the uncontrolled vehicles
     vg_course* courses;    ///< [vehicles_max]
     vg_share*  shares;     ///< [vehicles_max][shares_max] by own position, binding ones first
-    uint64_t*  before;     ///< [vehicles_max] slots (bits) that pass a shared area first
+    uint64_t*  before;     ///< [vehicles_max] slots (bits) that pass a shared area first; before
+                           ///< there are ranks: those that have to, at the ends of lanes
     uint64_t*  cedes;      ///< [vehicles_max] slots (bits) on merging lanes that this one need not
                            ///< follow: they go after it
     uint8_t*   rank;       ///< [vehicles_max] 0: first
@@ -140,6 +153,20 @@ float vg_order_position(const vg_model* model, const vg_flow* flow, uint32_t slo
 /// Is there room for the slot behind the first crossing ahead of it? True within one.
 bool vg_order_has_room(const vg_order* order, const vg_model* model, const vg_flow* flow,
                        uint32_t slot);
+
+// ---------------------------------------------------------------------------- order.c, for the others
+
+/// Adds an area to those of a slot. Where there are more than there is room for, the nearest ones
+/// are kept.
+void vg_order_share(vg_order* order, uint32_t slot, const vg_share* share);
+
+// ---------------------------------------------------------------------------- zipper.c
+
+/// Adds the sequences at the ends of lanes.
+void vg_order_zip(vg_order* order, const vg_model* model, const vg_flow* flow);
+/// The wall behind a vehicle in the lane beside that goes first: where a vehicle that follows it
+/// would stop, but never so near that more than light braking is needed. VG_FAR_AWAY: none. [m]
+float vg_order_zip_wall(const vg_model* model, const vg_flow* flow, uint32_t slot, uint32_t first);
 
 // ---------------------------------------------------------------------------- rank.c
 

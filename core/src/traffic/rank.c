@@ -12,7 +12,8 @@ static const float acceleration = 1.5f;
 static const float braking_planned = 3.0f;
 // Time between a planned vehicle that leaves an area and an uncontrolled one that arrives. [s]
 static const float encroachment = 1.0f;
-// An estimate of arrival that is later by more, or earlier by more, replaces the first one. [s]
+// An estimate of arrival that is later by more, or earlier by more, replaces the first one. A vehicle
+// that is at most so long away waits for its turn, and is not late. [s]
 static const double later = 3.0, earlier = 1.0;
 // Later arrival, in effect, of a lane that yields, and of one that enters a ring. [s]
 static const double yields = 4.0, enters = 4.0;
@@ -87,7 +88,7 @@ static void find_leaders(ranking* self)
         self->ahead[i] = VG_FAR_AWAY;
         for (uint32_t j = 0; j < self->model->count; ++j) {
             for (uint32_t k = 0; j != i && k < course->leg_count; ++k) {
-                const vg_leg* leg = &course->legs[k];
+                const vg_route_leg* leg = &course->legs[k];
                 const float at = leg->begin + flow->station[j] * leg->scale;
                 if (leg->lane == flow->lane[j] && (at > 0.0f || (at == 0.0f && j < i))
                     && at < self->ahead[i]) {
@@ -194,7 +195,7 @@ static verge_turn* turn_of(verge_turns* turns, int32_t id)
 
 static float legs_begin(const vg_course* course, const verge_road* road, uint32_t k)
 {
-    const vg_leg* leg = &course->legs[k];
+    const vg_route_leg* leg = &course->legs[k];
     return leg->begin + (float)road->lanes[leg->lane].station_start * leg->scale;
 }
 
@@ -257,7 +258,8 @@ static double kept_arrival(double arrival, int64_t utime, const verge_turn* befo
         return arrival;
     }
     const double first = vg_seconds_between(utime, before->arrival);
-    return arrival - first > later || arrival < first - earlier ? arrival : first;
+    const bool late = arrival > later && arrival - first > later;
+    return late || arrival < first - earlier ? arrival : first;
 }
 
 static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turns)
@@ -294,20 +296,29 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
 
 enum { FREE, COMMITTED, INSIDE };
 
-static uint32_t grade(const ranking* self, uint32_t slot, float enter)
+// A vehicle well beyond its stop line is in the way of others as one in the area is.
+static uint32_t grade(const ranking* self, uint32_t slot, float enter, float margin)
 {
     const float v = self->flow->v[slot];
-    const float distance = enter - self->model->half_length[slot];
-    return distance <= 0.0f                                ? INSIDE
+    const float distance = enter - 0.5f * margin - self->model->half_length[slot];
+    return distance <= 0.0f                            ? INSIDE
            : v * v > 2.0f * braking_planned * distance ? COMMITTED
-                                                           : FREE;
+                                                       : FREE;
 }
 
 // Has the other vehicle to go first in this area, whatever their times are?
 static bool goes_first(const ranking* self, uint32_t i, const vg_share* area)
 {
     const uint32_t j = area->other;
-    const uint32_t own = grade(self, i, area->enter), other = grade(self, j, area->other_enter);
+    const float margin = vg_share_margin(area);
+    const uint32_t own = grade(self, i, area->enter, margin);
+    const uint32_t other = grade(self, j, area->other_enter, margin);
+    if (area->kind == VG_SHARE_ZIP) {
+        return false; // decided in zipper.c
+    }
+    if (area->kind == VG_SHARE_PART) { // the one ahead
+        return area->other_enter < area->enter || (area->other_enter == area->enter && j < i);
+    }
     if (own != other || own == FREE) {
         return other > own;
     }
@@ -326,7 +337,7 @@ static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
     const uint32_t j = area->other;
     const float v = self->flow->v[j];
     if (self->order->of_humans || !is_planned(self, i) || is_planned(self, j) || v < standing
-        || grade(self, i, area->enter) != FREE) {
+        || area->kind >= VG_SHARE_PART || grade(self, i, area->enter, vg_share_margin(area)) != FREE) {
         return false;
     }
     if (must_yield(priority_at(self, j, area->other_enter))
@@ -342,7 +353,8 @@ static void find_facts(ranking* self)
 {
     for (uint32_t i = 0; i < self->model->count; ++i) {
         const vg_share* shares = shares_of(self, i);
-        self->must[i] = self->leader[i] >= 0 ? (uint64_t)1 << self->leader[i] : 0;
+        self->must[i] = self->order->before[i];
+        self->must[i] |= self->leader[i] >= 0 ? (uint64_t)1 << self->leader[i] : 0;
         for (uint32_t k = 0; k < self->order->courses[i].share_count; ++k) {
             if (goes_first(self, i, &shares[k]) || is_in_the_way(self, i, &shares[k])) {
                 self->must[i] |= (uint64_t)1 << shares[k].other;

@@ -1,0 +1,329 @@
+// Who passes a conflict area first, on roads with crossings, merges, rings and lane ends. The
+// vehicles are driven by a plain driver that keeps to the walls of the order and to the vehicle
+// ahead, so what is tested is the order and not the search.
+#include "check.h"
+#include "rng.h"
+
+#include "traffic/order.h"
+#include "traffic/pairs.h"
+#include "verge/planner.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define LIMIT 10.0  // [m/s]
+#define WIDTH 3.5   // [m]
+#define CYCLE 0.5   // [s]
+enum { LANES_MAX = 64, POINTS = 25, MEMORY = 8 << 20 };
+
+typedef struct world {
+    verge_planner_def def;
+    verge_lane_def lanes[LANES_MAX];
+    double points[LANES_MAX][POINTS][2];
+    void *memory, *stage;
+    const verge_road* road;
+    uint32_t count;
+    verge_vehicle vehicles[VERGE_VEHICLES_MAX];
+    verge_lane_position positions[VERGE_VEHICLES_MAX];
+    verge_scene scene;
+    vg_pairs* pairs;
+    vg_order* order;
+    verge_turns turns;
+    vg_model model;
+    vg_flow flow;
+} world;
+
+static world* world_open(void)
+{
+    world* w = calloc(1, sizeof *w);
+    assert_non_null(w);
+    w->def = verge_planner_default_def();
+    w->def.road.lanes = w->lanes;
+    return w;
+}
+
+static verge_lane_def* add_lane(world* w, int32_t id, int32_t to)
+{
+    const uint32_t i = w->def.road.lane_count++;
+    assert_true(i < LANES_MAX);
+    w->lanes[i] = verge_lane_def_default();
+    w->lanes[i].id = id;
+    w->lanes[i].width = WIDTH;
+    w->lanes[i].speed_limit = LIMIT;
+    w->lanes[i].points = (const double (*)[2])w->points[i];
+    if (to >= 0) {
+        w->lanes[i].successors[w->lanes[i].successor_count++] = to;
+    }
+    return &w->lanes[i];
+}
+
+static verge_lane_def* add_straight(world* w, int32_t id, double x0, double y0, double x1,
+                                    double y1, int32_t to)
+{
+    verge_lane_def* lane = add_lane(w, id, to);
+    double(*points)[2] = w->points[w->def.road.lane_count - 1u];
+    lane->point_count = POINTS;
+    for (uint32_t k = 0; k < POINTS; ++k) {
+        const double t = (double)k / (POINTS - 1);
+        points[k][0] = x0 + t * (x1 - x0);
+        points[k][1] = y0 + t * (y1 - y0);
+    }
+    return lane;
+}
+
+// A cubic from one pose to another.
+static void add_curve(world* w, int32_t id, const double from[3], const double to[3], int32_t next)
+{
+    verge_lane_def* lane = add_lane(w, id, next);
+    double(*points)[2] = w->points[w->def.road.lane_count - 1u];
+    const double reach = 0.4 * hypot(to[0] - from[0], to[1] - from[1]);
+    lane->point_count = POINTS;
+    for (uint32_t k = 0; k < POINTS; ++k) {
+        const double t = (double)k / (POINTS - 1), u = 1.0 - t;
+        const double b[4] = { u * u * u, 3 * u * u * t, 3 * u * t * t, t * t * t };
+        points[k][0] = b[0] * from[0] + b[1] * (from[0] + reach * cos(from[2]))
+                       + b[2] * (to[0] - reach * cos(to[2])) + b[3] * to[0];
+        points[k][1] = b[0] * from[1] + b[1] * (from[1] + reach * sin(from[2]))
+                       + b[2] * (to[1] - reach * sin(to[2])) + b[3] * to[1];
+    }
+}
+
+static void world_build(world* w)
+{
+    w->memory = aligned_alloc(64, MEMORY);
+    w->stage = aligned_alloc(64, MEMORY);
+    assert_non_null(w->memory);
+    assert_non_null(w->stage);
+    assert_int_equal(verge_road_init(&w->road, &w->def.road, w->memory, MEMORY), VERGE_OK);
+    vg_arena arena;
+    vg_arena_init(&arena, w->stage, MEMORY);
+    w->pairs = vg_pairs_take(&arena, VERGE_VEHICLES_MAX, w->def.road.lane_count);
+    w->order = vg_order_take(&arena, VERGE_VEHICLES_MAX);
+    assert_non_null(w->pairs);
+    assert_non_null(w->order);
+    w->scene = verge_scene_make(w->road, w->vehicles, w->positions, VERGE_VEHICLES_MAX);
+}
+
+static void world_close(world* w)
+{
+    free(w->memory);
+    free(w->stage);
+    free(w);
+}
+
+static void place(world* w, uint32_t i)
+{
+    verge_vehicle* v = &w->vehicles[i];
+    verge_lane_position* at = &w->positions[i];
+    assert_true(verge_road_at(w->road, at->lane_id, at->s, at->d, &v->x, &v->y, &v->heading));
+    at->heading = v->heading;
+}
+
+static verge_vehicle* add(world* w, bool controlled, int32_t lane, double s, double speed,
+                          int32_t target)
+{
+    const uint32_t i = w->count++;
+    assert_true(i < VERGE_VEHICLES_MAX);
+    verge_vehicle* v = &w->vehicles[i];
+    *v = verge_vehicle_default();
+    v->id = i == 0 ? 1 : v[-1].id + 1;
+    v->controlled = controlled;
+    v->length = 4.5;
+    v->width = 1.7;
+    v->speed = speed;
+    v->target_lane = target;
+    w->positions[i] = (verge_lane_position){ .lane_id = lane, .s = s, .contained = true };
+    place(w, i);
+    return v;
+}
+
+static void look(world* w)
+{
+    w->scene.vehicle_count = w->count;
+    vg_model_from(&w->model, &w->flow, &w->def, w->pairs, &w->scene,
+                  vg_scene_controlled(&w->scene));
+    if (!w->model.single_axis) {
+        vg_pairs_update(&w->model, &w->flow);
+    }
+    vg_order_from(w->order, &w->model, &w->flow, &w->scene, &w->turns);
+}
+
+// Speed from which a stop, or a stop behind a braking vehicle, is possible within a distance.
+static double safe(double gap, double ahead)
+{
+    const double b = 2.0, c = b * CYCLE;
+    const double square = c * c + ahead * ahead + 2.0 * b * gap;
+    return square > c * c ? sqrt(square) - c : 0.0;
+}
+
+static double speed_of(const world* w, uint32_t slot)
+{
+    const vg_model* m = &w->model;
+    const vg_flow* f = &w->flow;
+    const double half = (double)m->half_length[slot], v = (double)f->v[slot];
+    const vg_neighbours near =
+        vg_nearest(m, f, slot, f->station[slot], f->y[slot], f->station, f->v, VG_FAR_AWAY);
+    const double wall = (double)vg_order_wall(m, f, slot) - half;
+    // The one ahead may brake twice as hard.
+    const double behind = safe((double)near.gap_ahead - half - 2.0, 0.7 * (double)near.v_ahead);
+    const double wanted = fmin(v + 1.5 * CYCLE, (double)f->limit[slot]);
+    return fmax(fmax(fmin(fmin(wanted, behind), safe(wall, 0.0)), 0.0), v - 8.0 * CYCLE);
+}
+
+// Moves everybody by a cycle. Returns the vehicles (bits) that have left the road.
+static void drive(world* w, uint64_t held)
+{
+    double speed[VERGE_VEHICLES_MAX];
+    look(w);
+    for (uint32_t slot = 0; slot < w->model.count; ++slot) {
+        const uint32_t i = w->model.input_index[slot];
+        speed[i] = (held >> i & 1u) != 0 ? 0.0 : speed_of(w, slot);
+    }
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < w->count; ++i) {
+        verge_vehicle* v = &w->vehicles[i];
+        verge_lane_position* at = &w->positions[i];
+        at->s += 0.5 * (v->speed + speed[i]) * CYCLE;
+        v->speed = speed[i];
+        const double length = verge_road_length(w->road, at->lane_id);
+        const int32_t next =
+            verge_road_next(w->road, at->lane_id, v->controlled ? v->target_lane : VERGE_NO_LANE);
+        if (at->s > length && next == VERGE_NO_LANE) {
+            continue; // it leaves
+        }
+        if (at->s > length) {
+            at->s -= length;
+            at->lane_id = next;
+        }
+        w->vehicles[kept] = *v;
+        w->positions[kept] = *at;
+        place(w, kept++);
+    }
+    w->count = kept;
+    w->scene.utime += (int64_t)(CYCLE * 1e6);
+}
+
+// For a failure: where everybody is and what everybody waits for.
+static void show(const world* w)
+{
+    for (uint32_t slot = 0; slot < w->model.count; ++slot) {
+        const uint32_t i = w->model.input_index[slot];
+        const vg_wall wall = vg_order_wall_why(&w->model, &w->flow, slot);
+        printf("  vehicle %d lane %d s %.1f v %.1f rank %u wall %.1f (%s, %d)\n", w->vehicles[i].id,
+               w->positions[i].lane_id, w->positions[i].s, w->vehicles[i].speed,
+               w->order->rank[slot],
+               (double)(wall.distance - w->model.half_length[slot]), verge_why_text(wall.why),
+               wall.slot < 0 ? -1 : w->vehicles[w->model.input_index[wall.slot]].id);
+    }
+}
+
+static uint32_t overlaps(const world* w)
+{
+    uint32_t found = 0;
+    for (uint32_t i = 0; i < w->count; ++i) {
+        for (uint32_t j = 0; j < i; ++j) {
+            if (verge_vehicles_overlap(&w->vehicles[i], &w->vehicles[j])) {
+                printf("  vehicles %d and %d touch\n", w->vehicles[i].id, w->vehicles[j].id);
+                ++found;
+            }
+        }
+    }
+    return found;
+}
+
+// Removes the vehicles before which nobody goes, again and again: none is left unless there is a
+// circle.
+static bool has_circle(const world* w)
+{
+    uint64_t left = w->model.count == 64 ? ~(uint64_t)0 : ((uint64_t)1 << w->model.count) - 1u;
+    for (bool more = true; more && left != 0;) {
+        more = false;
+        for (uint32_t slot = 0; slot < w->model.count; ++slot) {
+            if ((left >> slot & 1u) != 0 && (w->order->before[slot] & left) == 0) {
+                left &= ~((uint64_t)1 << slot);
+                more = true;
+            }
+        }
+    }
+    return left != 0;
+}
+
+// ---------------------------------------------------------------------------- roads
+
+// Four arms: lanes k come in, 100 + k go out, 10 + 4 k + j lead from arm k to arm j.
+static world* crossing(double box)
+{
+    world* w = world_open();
+    for (int32_t k = 0; k < 4; ++k) {
+        const double a = 1.57079632679 * k, c = cos(a), s = sin(a), far = 120.0;
+        const double in[2] = { -0.5 * WIDTH * s, 0.5 * WIDTH * c }; // right of the way in
+        verge_lane_def* lane = add_straight(w, k, far * c + in[0], far * s + in[1],
+                                            box * c + in[0], box * s + in[1], -1);
+        add_straight(w, 100 + k, box * c - in[0], box * s - in[1], far * c - in[0],
+                     far * s - in[1], -1);
+        for (int32_t j = 0; j < 4; ++j) {
+            if (j != k) {
+                lane->successors[lane->successor_count++] = 10 + 4 * k + j;
+            }
+        }
+    }
+    for (int32_t k = 0; k < 16; ++k) {
+        const int32_t from = k / 4, to = k % 4;
+        if (from != to) {
+            const double a = 1.57079632679 * from, b = 1.57079632679 * to, h = 0.5 * WIDTH;
+            const double begin[3] = { box * cos(a) - h * sin(a), box * sin(a) + h * cos(a),
+                                      a + 3.14159265359 };
+            const double end[3] = { box * cos(b) + h * sin(b), box * sin(b) - h * cos(b), b };
+            add_curve(w, 10 + k, begin, end, 100 + to);
+        }
+    }
+    world_build(w);
+    return w;
+}
+
+// ---------------------------------------------------------------------------- claims
+
+static void all_vehicles_pass_a_crossing_one_after_the_other(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("crossing");
+    for (uint32_t round = 0; round < test_rounds(60); ++round) {
+        world* w = crossing(test_rng_between(&rng, 8.5, 14.0));
+        const uint32_t count = 4 + test_rng_below(&rng, 13);
+        double left[4];
+        for (uint32_t k = 0; k < 4; ++k) {
+            left[k] = test_rng_between(&rng, 3.0, 30.0);
+        }
+        for (uint32_t i = 0; i < count; ++i) {
+            const uint32_t arm = i % 4;
+            const int32_t to = (int32_t)(arm + 1u + test_rng_below(&rng, 3)) % 4;
+            const double length = verge_road_length(w->road, (int32_t)arm);
+            const double speed = fmin(test_rng_between(&rng, 3.0, 9.0), sqrt(4.0 * left[arm]));
+            add(w, true, (int32_t)arm, length - left[arm] - 2.5, speed, 100 + to);
+            left[arm] += test_rng_between(&rng, 10.0, 16.0);
+        }
+        uint32_t cycles = 0;
+        for (; w->count > 0 && cycles < 400; ++cycles) {
+            drive(w, 0);
+            assert_false(has_circle(w));
+            if (overlaps(w) > 0) {
+                show(w);
+                fail_msg("round %u: contact after %.1f s", round, CYCLE * cycles);
+            }
+        }
+        if (w->count > 0) {
+            look(w);
+            show(w);
+            fail_msg("round %u: %u of %u vehicles did not arrive", round, w->count, count);
+        }
+        world_close(w);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(all_vehicles_pass_a_crossing_one_after_the_other),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -18,8 +18,23 @@ static verge_habit_kind habit_kind_of(const verge_vehicle* vehicle)
 }
 
 verge_vehicle_state_t state_message(const verge_vehicle* vehicle, int64_t utime, int32_t sequence,
-                                    int32_t followed_cycle)
+                                    int32_t followed_cycle, uint32_t map_crc32)
 {
-    return wire_state_from_vehicle(vehicle, habit_kind_of(vehicle), utime, sequence,
-                                   followed_cycle);
+    verge_vehicle_state_t state = wire_state_from_vehicle(vehicle, habit_kind_of(vehicle), utime,
+                                                          sequence, followed_cycle);
+    state.map_crc32 = (int32_t)map_crc32;
+    return state;
+}
+
+verge_lane_signal_t signal_message(const verge_signal* signal, int64_t utime, uint32_t map_crc32)
+{
+    const bool timed = signal->change_s >= 0.0;
+    return (verge_lane_signal_t){
+        .utime = utime,
+        .change_utime = timed ? utime + llround(signal->change_s * 1e6) : 0,
+        .lane = signal->lane_id,
+        .state = (int16_t)signal->state,
+        .protocol_version = WIRE_PROTOCOL_VERSION,
+        .map_crc32 = (int32_t)map_crc32,
+    };
 }

@@ -1,13 +1,16 @@
-/// The state message of a simulated vehicle, for verge-publish and for verge-replay.
+/// The messages of a simulated vehicle and of a simulated signal, for verge-publish and for verge-replay.
 #ifndef VERGE_APPS_STATE_MESSAGE_H
 #define VERGE_APPS_STATE_MESSAGE_H
 
 #include "verge/transport.h"
-#include "verge/types.h"
+#include "verge/scene.h"
 
 /// utime: [us] of the state. followed_cycle: that of the plan it follows, -1: none. The habit is
-/// the preset with the vehicle's cooperation, or normal if there is none.
+/// the preset with the vehicle's cooperation, or normal if there is none. map_crc32: of its road.
 verge_vehicle_state_t state_message(const verge_vehicle* vehicle, int64_t utime, int32_t sequence,
-                                    int32_t followed_cycle);
+                                    int32_t followed_cycle, uint32_t map_crc32);
+
+/// The message of a signal that shows this at utime [us].
+verge_lane_signal_t signal_message(const verge_signal* signal, int64_t utime, uint32_t map_crc32);
 
 #endif

@@ -28,14 +28,14 @@ typedef struct arguments {
     const char* url;
     const char* options_path;
     uint64_t    count; // 0: no end
-    bool        json, states, plans, statuses;
+    bool        json, states, plans, statuses, signals;
 } arguments;
 
 typedef struct echo {
     const arguments* args;
     transport*       bus;
     int              signal_fd;
-    uint64_t         states, plans, statuses;
+    uint64_t         states, plans, statuses, signals;
     transport_message batch[BATCH];
 } echo;
 
@@ -73,15 +73,16 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
           &args->options_path, NULL },
         { "--count", "N", "ends after N messages", &count_text, NULL },
         { "--json", NULL, "one JSON document per message, with every field", NULL, &args->json },
-        { "--states", NULL, "vehicle states; default: all three kinds", NULL,
+        { "--states", NULL, "vehicle states; default: all four kinds", NULL,
           &args->states },
         { "--plans", NULL, "plans", NULL, &args->plans },
         { "--status", NULL, "status messages", NULL, &args->statuses },
+        { "--signals", NULL, "traffic signals", NULL, &args->signals },
     };
     const program self = {
         .name = "verge-echo",
         .argument = "URL",
-        .text = "Prints the messages of a bus: vehicle states, plans and statuses.",
+        .text = "Prints the messages of a bus: vehicle states, plans, statuses and signals.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,
@@ -98,8 +99,8 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
         fputs("verge-echo:--count: is 0, expected a number of messages\n", stderr);
         return false;
     }
-    if (!args->states && !args->plans && !args->statuses) {
-        args->states = args->plans = args->statuses = true;
+    if (!args->states && !args->plans && !args->statuses && !args->signals) {
+        args->states = args->plans = args->statuses = args->signals = true;
     }
     *status = 0;
     return true;
@@ -135,7 +136,8 @@ static int open_bus(echo* self, bus_options* options)
     char error[512];
     const unsigned kinds = (args->states ? TRANSPORT_STATES : 0u) |
                            (args->plans ? TRANSPORT_PLANS : 0u) |
-                           (args->statuses ? TRANSPORT_STATUSES : 0u);
+                           (args->statuses ? TRANSPORT_STATUSES : 0u) |
+                           (args->signals ? TRANSPORT_SIGNALS : 0u);
     const int result = transport_open_with(&self->bus, args->url, kinds, &options->transport,
                                            error, sizeof error);
     if (result != TRANSPORT_OK) {
@@ -151,7 +153,7 @@ static void print_message(echo* self, const transport_message* message);
 
 static uint64_t heard(const echo* self)
 {
-    return self->states + self->plans + self->statuses;
+    return self->states + self->plans + self->statuses + self->signals;
 }
 
 /// Runs until a signal, the count or the end of a log. False: the output cannot be written.
@@ -184,6 +186,7 @@ static void print_json(const transport_message* message);
 static void print_state(const verge_vehicle_state_t* state);
 static void print_plan(const verge_vehicle_plan_t* plan);
 static void print_status(const verge_rsu_status_t* status);
+static void print_signal(const verge_lane_signal_t* signal);
 
 static void print_message(echo* self, const transport_message* message)
 {
@@ -210,6 +213,12 @@ static void print_message(echo* self, const transport_message* message)
             print_status(&message->as.status);
         }
         break;
+    case TRANSPORT_SIGNAL:
+        ++self->signals;
+        if (!json) {
+            print_signal(&message->as.signal);
+        }
+        break;
     default: break;
     }
 }
@@ -220,7 +229,8 @@ static void print_json(const transport_message* message)
     text out = text_in(buffer, sizeof buffer);
     const char* kind = message->kind == TRANSPORT_STATE  ? "state"
                        : message->kind == TRANSPORT_PLAN ? "plan"
-                                                         : "status";
+                       : message->kind == TRANSPORT_SIGNAL ? "signal"
+                                                           : "status";
     text_add(&out, "{\"kind\":\"%s\",\"arrival_utime\":%" PRId64 ",\"sender\":\"%016" PRIx64
              "\",\"message\":", kind, message->arrival_utime, message->sender);
     message_json(&out, message->kind, &message->as);
@@ -252,6 +262,9 @@ static void print_plan(const verge_vehicle_plan_t* plan)
     if (plan->reason != VERGE_REASON_NONE) {
         printf("  (%s)", verge_reason_text((verge_reason)plan->reason));
     }
+    if (plan->why != VERGE_WHY_NONE) {
+        printf("  (%s)", verge_why_text((verge_why)plan->why));
+    }
     printf("\n");
 }
 
@@ -265,11 +278,22 @@ static void print_status(const verge_rsu_status_t* status)
            status->fallbacks);
 }
 
+static void print_signal(const verge_lane_signal_t* signal)
+{
+    printf("signal lane %-7d %s", signal->lane,
+           verge_signal_state_name((verge_signal_state)signal->state));
+    if (signal->change_utime != 0) {
+        printf(", changes in %.1f s", (double)(signal->change_utime - signal->utime) * 1e-6);
+    }
+    printf("\n");
+}
+
 static void sum_up(const echo* self)
 {
     const transport_stats stats = transport_statistics(self->bus);
     fprintf(stderr, "verge-echo: %" PRIu64 " states, %" PRIu64 " plans, %" PRIu64 " status; %"
-            PRIu64 " malformed, %" PRIu64 " dropped, %" PRIu64 " of other channels\n",
+            PRIu64 " malformed, %" PRIu64 " dropped, %" PRIu64 " of other channels; %" PRIu64
+            " signals\n",
             self->states, self->plans, self->statuses, stats.malformed, stats.dropped,
-            stats.foreign);
+            stats.foreign, self->signals);
 }

@@ -57,6 +57,7 @@ typedef struct publisher {
     FILE*           run;        // null: not recorded
     progress        progress;
     int64_t         start;      // [us] wall clock at the world's t = 0
+    uint32_t        map_crc32; ///< of the road of the scenario
     int32_t         sequence;
     int64_t         sent_utime; // [us] of the states sent last
     int64_t         sent_at;    // [us] wall clock when they were
@@ -183,8 +184,9 @@ static int open_bus(publisher* self, const arguments* args)
     }
     options.transport.log = print_line;
     char error[512];
+    const unsigned signals = self->scene->signal_count > 0 ? TRANSPORT_SENDS_SIGNALS : 0u;
     const int opened = transport_open_with(&self->bus, args->bus,
-                                           TRANSPORT_PLANS | TRANSPORT_SENDS_STATES,
+                                           TRANSPORT_PLANS | TRANSPORT_SENDS_STATES | signals,
                                            &options.transport, error, sizeof error);
     bus_options_free(&options);
     if (opened == TRANSPORT_OK) {
@@ -201,6 +203,7 @@ static int run(publisher* self, const arguments* args)
     if (opened != 0) {
         return opened;
     }
+    self->map_crc32 = wire_map_crc32(&self->scene->def.road);
     output_guard_signals();
     if (args->out != NULL && !output_open(&file, args->out)) {
         output_report(args->out);
@@ -280,13 +283,18 @@ static void publish_states(publisher* self)
     ++self->sequence;
     self->sent_utime = utime;
     self->sent_at = clock_us(CLOCK_REALTIME);
+    for (uint32_t i = 0; i < self->world.signal_count; ++i) {
+        const verge_lane_signal_t signal =
+            signal_message(&self->world.signals[i], utime, self->map_crc32);
+        transport_publish_signal(self->bus, &signal);
+    }
     for (uint32_t i = 0; i < self->world.vehicle_count; ++i) {
         const world_vehicle* vehicle = &self->world.vehicles[i];
         if (!vehicle->present) {
             continue;
         }
-        const verge_vehicle_state_t state =
-            state_message(&vehicle->state, utime, self->sequence, self->followers[i].cycle);
+        const verge_vehicle_state_t state = state_message(
+            &vehicle->state, utime, self->sequence, self->followers[i].cycle, self->map_crc32);
         transport_publish_state(self->bus, &state);
     }
 }
@@ -371,22 +379,13 @@ static verge_vehicle_plan plan_of(const verge_vehicle_plan_t* message)
     plan.vehicle_id = message->vehicle_id;
     plan.status = (verge_plan_status)message->status;
     plan.reason = (verge_reason)message->reason;
-    plan.action_count = (uint32_t)message->action_count;
-    for (uint32_t i = 0; i < plan.action_count; ++i) {
-        const verge_plan_action_t* from = &message->actions[i];
-        plan.actions[i] = (verge_action_step){
-            .action = (verge_action)from->action,
-            .lane_id = from->lane,
-            .t0 = from->t0_ms * 1e-3,
-            .t1 = from->t1_ms * 1e-3,
-            .s = NAN,
-            .d = NAN,
-            .v = (double)from->speed,
-            .brake_light = from->brake_light != 0,
-            .turn_signal = from->turn_signal,
-            .ahead_id = -1,
-            .behind_id = -1,
-        };
+    verge_vehicle_decision decision;
+    if (wire_decision_from_plan(message, &decision)) {
+        plan.action_count = decision.step_count;
+        memcpy(plan.actions, decision.steps, decision.step_count * sizeof decision.steps[0]);
+        plan.why = decision.why;
+        plan.pass_count = decision.pass_count;
+        memcpy(plan.passes, decision.passes, sizeof plan.passes);
     }
     plan.point_count = wire_points_from_plan(message, plan.points);
     plan.cost = (verge_cost){ NAN, NAN, NAN, NAN, NAN, NAN, NAN };

@@ -16,6 +16,7 @@ bool bus_run_init(bus_run* self, const scenario* scene, int64_t start_utime, con
     memset(self, 0, sizeof *self);
     self->scene = scene;
     self->start_utime = start_utime;
+    self->map_crc32 = wire_map_crc32(&scene->def.road);
     self->horizon_us = (int64_t)(planner->points - 1) * llround(planner->point_s * 1e6);
     self->last_number = self->gap_number = -1;
     self->memory = memory;
@@ -110,7 +111,7 @@ bool bus_run_tick(bus_run* self, const json_at* line)
             return false;
         }
         vehicle.yaw_rate = json_none(&rate) ? (double)NAN : json_as_double(&rate, -1e3, 1e3);
-        const verge_vehicle_state_t state = state_message(&vehicle, utime, 0, -1);
+        const verge_vehicle_state_t state = state_message(&vehicle, utime, 0, -1, self->map_crc32);
         if (!wait_for(self, &state)) {
             return json_fail(line, "out of memory");
         }
@@ -188,10 +189,28 @@ static prefix prefix_of(const bus_run* self, const used_states* used)
     return found;
 }
 
+/// The signals of a tick, which are sent before its states.
+static void offer_signals(bus_run* self, int64_t utime)
+{
+    static transport_message message;
+    const double t = (double)(utime - self->start_utime) / 1e6;
+    for (uint32_t i = 0; i < self->scene->signal_count; ++i) {
+        const verge_signal signal = signal_at(&self->scene->signals[i], t);
+        memset(&message, 0, sizeof message);
+        message.kind = TRANSPORT_SIGNAL;
+        message.arrival_utime = utime;
+        message.as.signal = signal_message(&signal, utime, self->map_crc32);
+        cycle_offer(&self->cycle, &message);
+    }
+}
+
 static void offer(bus_run* self, uint32_t count)
 {
     static transport_message message;
     for (uint32_t i = 0; i < count; ++i) {
+        if (i == 0 || self->waiting[i].utime != self->waiting[i - 1].utime) {
+            offer_signals(self, self->waiting[i].utime);
+        }
         memset(&message, 0, sizeof message);
         message.kind = TRANSPORT_STATE;
         message.arrival_utime = self->waiting[i].utime;

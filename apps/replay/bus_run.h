@@ -20,6 +20,7 @@
 typedef struct bus_run {
     const scenario* scene;
     int64_t  start_utime;          ///< [us] of t = 0
+    uint32_t map_crc32;            ///< of the scenario's road, as verge-publish states it
     int64_t  horizon_us;           ///< from a plan's instant to the end of its validity
     cycle    cycle;
     verge_vehicle_state_t* waiting; ///< sent, and not yet used by a cycle

@@ -308,6 +308,7 @@ static bool open_bus_run(recording* self, const json_at* start, const uint64_t* 
         .vehicles_max = self->scene.def.vehicles_max,
         .controlled_max = self->scene.def.controlled_max,
         .limits = inbox_default_limits(),
+        .map_crc32 = wire_map_crc32(&self->scene.def.road),
     };
     const int64_t start_utime = json_as_integer(start, 0, INT64_C(1) << 53);
     if (start->file->error[0] != '\0') {

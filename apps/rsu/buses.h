@@ -12,7 +12,8 @@
 #include <poll.h>
 
 /// What the daemon receives and sends, for transport_open_with().
-enum { BUSES_USE = TRANSPORT_STATES | TRANSPORT_SENDS_PLANS | TRANSPORT_SENDS_STATUSES };
+enum { BUSES_USE = TRANSPORT_STATES | TRANSPORT_SIGNALS | TRANSPORT_SENDS_PLANS
+                   | TRANSPORT_SENDS_STATUSES };
 
 /// [days] Certificates and permissions that end sooner cause a warning.
 enum { BUSES_EXPIRY_DAYS = 30 };

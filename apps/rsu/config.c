@@ -68,6 +68,17 @@ void config_free(config* self)
     free(self);
 }
 
+/// A vehicle that plans from its message needs decision steps for the whole trajectory.
+static bool fits_message(const json_at* planner, const verge_planner_def* def)
+{
+    const double horizon = (double)(def->points - 1u) * def->point_s;
+    const json_at step_s = json_member(planner, "step_s");
+    return def->step_s * WIRE_ACTIONS_MAX >= horizon - 1e-9 ||
+           json_fail(&step_s, "%d steps of %g s, as many as a plan message holds, end before the"
+                     " trajectory of %g s, expected longer steps", (int)WIRE_ACTIONS_MAX,
+                     def->step_s, horizon);
+}
+
 /// Everything but the road.
 static int read_document(config* self, const json_at* root)
 {
@@ -89,7 +100,8 @@ static int read_document(config* self, const json_at* root)
     self->cycle_ms = (uint32_t)json_integer_or(root, "cycle_ms", CONFIG_CYCLE_MS_MIN,
                                                CONFIG_CYCLE_MS_MAX, CONFIG_CYCLE_MS_DEFAULT);
     const json_at planner = json_member(root, "planner");
-    const bool fits = planner_def_from_json(&planner, &self->planner) && read_bus(self, root) &&
+    const bool fits = planner_def_from_json(&planner, &self->planner) &&
+                      fits_message(&planner, &self->planner) && read_bus(self, root) &&
                       bus_options_read(&self->bus_options, root) && read_freshness(self, root) &&
                       service_read(&self->service, root);
     return fits && root->file->error[0] == '\0' ? 0 : EXIT_CONFIG;
@@ -230,7 +242,7 @@ static bool sum_up(config* self)
     if (self->road_text == NULL) {
         return false;
     }
-    self->map_crc32 = transport_crc32(self->road_text, strlen(self->road_text));
+    self->map_crc32 = wire_map_crc32(&self->planner.road);
     char* text = NULL;
     size_t size = 0;
     FILE* memory = open_memstream(&text, &size);
@@ -377,6 +389,7 @@ cycle_def config_cycle_def(const config* self, const config_planner* built)
         .controlled_max = self->planner.controlled_max,
         .limits = self->freshness,
         .rsu_id = self->rsu_id,
+        .map_crc32 = self->map_crc32,
     };
     return def;
 }

@@ -74,7 +74,7 @@ typedef struct config {
     verge_planner_def planner;  ///< road included; the road's memory belongs to the config
     inbox_limits freshness;
     service  service;
-    uint32_t map_crc32;         ///< of the road as read, without whitespace
+    uint32_t map_crc32;         ///< of the road, see wire_map_crc32()
     uint32_t config_crc32;      ///< of what config_print() prints
     char*    road_file;         ///< the path as resolved; null: the road was written inline
     char*    road_text;         ///< the road as JSON on one line

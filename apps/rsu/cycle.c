@@ -16,6 +16,7 @@ void cycle_init(cycle* self, const cycle_def* def)
     self->utime = INT64_MIN;
     self->def = *def;
     inbox_init(&self->inbox, &def->limits, def->vehicles_max, def->controlled_max);
+    inbox_set_map(&self->inbox, def->map_crc32);
 }
 
 void cycle_swap(cycle* self, const cycle_def* def)
@@ -26,26 +27,27 @@ void cycle_swap(cycle* self, const cycle_def* def)
         forget_states(self);
     }
     inbox_set_limits(&self->inbox, &def->limits);
+    inbox_set_map(&self->inbox, def->map_crc32);
     self->inbox.vehicles_max = def->vehicles_max;
     self->inbox.controlled_max = def->controlled_max;
     inbox_review(&self->inbox, verge_planner_road(def->planner));
 }
 
-/// Empties the inbox; its counters are kept.
 static void forget_states(cycle* self)
 {
-    const cycle_def* def = &self->def;
-    const inbox_counters counters = self->inbox.counters;
-    inbox_init(&self->inbox, &def->limits, def->vehicles_max, def->controlled_max);
-    self->inbox.counters = counters;
+    inbox_forget(&self->inbox, self->def.vehicles_max, self->def.controlled_max);
 }
 
 bool cycle_offer(cycle* self, const transport_message* message)
 {
+    const verge_road* road = verge_planner_road(self->def.planner);
+    if (message->kind == TRANSPORT_SIGNAL) {
+        return inbox_offer_signal(&self->inbox, &message->as.signal, message->arrival_utime, road)
+               == INBOX_ACCEPTED;
+    }
     if (message->kind != TRANSPORT_STATE) {
         return false;
     }
-    const verge_road* road = verge_planner_road(self->def.planner);
     const inbox_source source = { .sender = message->sender, .bus = message->bus };
     return inbox_offer_from(&self->inbox, &message->as.state, source, message->arrival_utime,
                             road) == INBOX_ACCEPTED;
@@ -73,6 +75,7 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
     self->number = number;
     self->utime = utime;
     inbox_snapshot(&self->inbox, utime, &self->view);
+    self->signal_count = inbox_signals(&self->inbox, utime, self->signals);
     if (self->view.count == 0) { // later plans do not depend on anything before
         verge_planner_reset(self->def.planner);
     }
@@ -131,6 +134,10 @@ void cycle_plan(cycle* self)
 {
     self->status = VERGE_OK;
     if (self->view.controlled_count > 0) {
+        self->status = verge_planner_set_signals(self->def.planner, self->utime, self->signals,
+                                                 self->signal_count);
+    }
+    if (self->view.controlled_count > 0 && self->status == VERGE_OK) {
         self->status = verge_planner_step(self->def.planner, self->utime, self->view.vehicles,
                                           self->view.count, &self->plan);
     }
@@ -184,6 +191,7 @@ static wire_plan_header header_of(const cycle* self, int64_t utime, int64_t stat
         .state_utime = state_utime,
         .rsu_id = self->def.rsu_id,
         .cycle = number_on_wire(self->number),
+        .map_crc32 = self->def.map_crc32,
     };
     return header;
 }

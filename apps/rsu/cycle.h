@@ -28,6 +28,7 @@ typedef struct cycle_def {
     uint32_t       controlled_max;  ///< of the planner's def
     inbox_limits   limits;
     int32_t        rsu_id;
+    uint32_t       map_crc32;       ///< of the planner's road, see wire_map_crc32()
 } cycle_def;
 
 typedef struct cycle_counters {
@@ -52,6 +53,8 @@ typedef struct cycle {
     int64_t        number;  ///< of this cycle; the first is 0
     int64_t        utime;   ///< [us] the instant of the plan
     inbox_view     view;    ///< the vehicles
+    uint32_t       signal_count;
+    verge_signal   signals[INBOX_SIGNALS_MAX]; ///< what the traffic signals show
     verge_vehicle_fault fault; ///< of the vehicle removed last, see counters.unusable
 
     // The result: output of cycle_plan() and cycle_end().
@@ -71,7 +74,7 @@ void cycle_init(cycle* self, const cycle_def* def);
 /// the new road has them.
 void cycle_swap(cycle* self, const cycle_def* def);
 
-/// Receives a message of kind TRANSPORT_STATE; others are ignored. True: it was accepted, and has
+/// Receives a message of kind TRANSPORT_STATE or TRANSPORT_SIGNAL; others are ignored. True: it was accepted, and has
 /// to be recorded. False: it was refused and counted.
 bool cycle_offer(cycle* self, const transport_message* message);
 

@@ -10,6 +10,7 @@
 #include "common/options.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <string.h>
 #include <time.h>
 
@@ -208,6 +209,8 @@ static int check(const arguments* args, const config* config)
         fprintf(stderr, "%s:%s\n", args->config_path, error);
     } else if (!args->print) {
         config_print_memory(config, stdout);
+        printf("road of %u lanes, map_crc32 0x%08" PRIx32 "\n", config->planner.road.lane_count,
+               config->map_crc32);
     }
     config_planner_free(&built);
     return status;

@@ -38,6 +38,7 @@ void monitor_update(monitor* self, instant at)
 static void log_bus_errors(monitor* self, instant at);
 static void log_losses(monitor* self, instant at);
 static void log_over_capacity(monitor* self, instant at);
+static void log_foreign(monitor* self);
 static void log_refusals(monitor* self);
 static void log_lacking(monitor* self);
 static void log_expiry(monitor* self, instant at);
@@ -50,6 +51,7 @@ void monitor_each_second(monitor* self, instant at)
     log_over_capacity(self, at);
     log_refusals(self);
     log_lacking(self);
+    log_foreign(self);
     log_expiry(self, at);
     monitor_publish(self, at);
     notify_manager(self, at);
@@ -96,6 +98,23 @@ static void log_over_capacity(monitor* self, instant at)
     }
 }
 
+/// Messages of another version of the protocol, or made with another road.
+static void log_foreign(monitor* self)
+{
+    const inbox* from = &self->cycle->inbox;
+    if (from->counters.rx_version > self->version) {
+        log_repeated(LOG_WARNING, "unknown_version", 0, "protocol_version=%" PRId32 " expected=%d",
+                     from->fault_version, (int)WIRE_PROTOCOL_VERSION);
+    }
+    if (from->counters.rx_other_map > self->other_map) {
+        log_repeated(LOG_WARNING, "other_map", 0,
+                     "map_crc32=0x%08" PRIx32 " action=ignores_target_lanes_and_signals",
+                     from->map_crc32);
+    }
+    self->version = from->counters.rx_version;
+    self->other_map = from->counters.rx_other_map;
+}
+
 /// At most one line a second, with the number of states refused for each reason.
 static void log_refusals(monitor* self)
 {
@@ -105,17 +124,18 @@ static void log_refusals(monitor* self)
     const bool several = self->setup->buses.count > 1;
     const uint64_t refusals = rx->rx_stale + rx->rx_future + (several ? 0 : rx->rx_duplicate) +
                               rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
-                              rx->rx_over_capacity + rx->rx_id_conflict + stats.malformed +
+                              rx->rx_over_capacity + rx->rx_id_conflict + rx->rx_version + stats.malformed +
                               stats.dropped + transport_refused(&stats);
     if (refusals > self->refusals) {
         log_event(LOG_WARNING, "states_refused",
                   "new=%" PRIu64 " stale=%" PRIu64 " future=%" PRIu64 " duplicate=%" PRIu64
                   " out_of_order=%" PRIu64 " out_of_range=%" PRIu64 " off_map=%" PRIu64
                   " over_capacity=%" PRIu64 " id_conflict=%" PRIu64 " malformed=%" PRIu64
-                  " dropped=%" PRIu64 " strangers=%" PRIu64,
+                  " dropped=%" PRIu64 " version=%" PRIu64 " strangers=%" PRIu64,
                   refusals - self->refusals, rx->rx_stale, rx->rx_future, rx->rx_duplicate,
                   rx->rx_out_of_order, rx->rx_out_of_range, rx->rx_off_map, rx->rx_over_capacity,
-                  rx->rx_id_conflict, stats.malformed, stats.dropped, transport_refused(&stats));
+                  rx->rx_id_conflict, stats.malformed, stats.dropped, rx->rx_version,
+                  transport_refused(&stats));
     }
     self->refusals = refusals;
 }

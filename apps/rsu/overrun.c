@@ -14,6 +14,7 @@ typedef struct motion {
     double x, y, heading;
     double skew;             // [rad] heading relative to the lane, at the start
     double t, speed, acceleration;
+    double driven;           // [m]
 } motion;
 
 static double wrap(double angle);
@@ -60,8 +61,12 @@ verge_vehicle_plan_t overrun_brake(const wire_plan_header* header, const verge_v
         .lane = self.on.lane_id,
         .brake_light = 1,
         .t1_ms = duration_ms,
+        .s = (float)self.on.s,
+        .d_mm = (int16_t)lround(fmax(fmin(self.on.d, 32.0), -32.0) * 1000.0),
         .speed = plan.points[WIRE_POINTS_MAX - 1].speed,
+        .distance = (float)self.driven,
     };
+    plan.why = VERGE_WHY_FALLBACK;
     return plan;
 }
 
@@ -96,6 +101,7 @@ static void advance(motion* self, const verge_road* road, int32_t target_lane)
     const double speed = fmax(self->speed + braking * dt, 0.0);
     const double distance = 0.5 * (self->speed + speed) * dt;
     const double skew = self->skew * fmax(1.0 - (self->t + 0.5 * dt) / ALIGN_S, 0.0);
+    self->driven += distance;
     self->acceleration = speed > 0.0 ? braking : 0.0;
     self->speed = speed;
     self->t += dt;

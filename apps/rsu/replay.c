@@ -87,7 +87,8 @@ static int has_marks(const char* url, bool* marked, char* error)
 static int open_ends(replay* self, transport** log, const char* url, char* error)
 {
     const unsigned receive =
-        self->marked ? TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_MARKS : TRANSPORT_STATES;
+        TRANSPORT_STATES | TRANSPORT_SIGNALS
+        | (self->marked ? TRANSPORT_PLANS | TRANSPORT_MARKS : 0u);
     if (transport_open(log, url, receive, error, CONFIG_ERROR_SIZE) != TRANSPORT_OK) {
         return EXIT_NO_INPUT;
     }
@@ -105,7 +106,7 @@ static int open_ends(replay* self, transport** log, const char* url, char* error
 
 // ---- events -------------------------------------------------------------------------------
 
-static void on_state(replay* self, const transport_message* message);
+static void on_input(replay* self, const transport_message* message);
 static void on_mark(replay* self, const transport_mark* mark);
 static void on_plan(replay* self, const verge_vehicle_plan_t* plan);
 static void run_cycle(replay* self, int64_t number, int64_t utime);
@@ -118,7 +119,8 @@ static void run_through(replay* self, transport* log)
         for (uint32_t i = 0; i < count && !self->done; i++) {
             const transport_message* message = &self->batch[i];
             switch (message->kind) {
-            case TRANSPORT_STATE: on_state(self, message); break;
+            case TRANSPORT_SIGNAL:
+            case TRANSPORT_STATE: on_input(self, message); break;
             case TRANSPORT_MARK: on_mark(self, &message->as.mark); break;
             case TRANSPORT_PLAN: on_plan(self, &message->as.plan); break;
             default: break;
@@ -130,7 +132,7 @@ static void run_through(replay* self, transport* log)
     }
 }
 
-static void on_state(replay* self, const transport_message* message)
+static void on_input(replay* self, const transport_message* message)
 {
     // Other instants do not occur in real logs, and sums with them would overflow.
     if (message->arrival_utime <= 0 || message->arrival_utime > INT64_MAX / 4) {

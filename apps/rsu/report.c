@@ -137,6 +137,8 @@ static void add_received(text* out, const verge_rsu_status_t* status)
         { "over_capacity", status->rx_over_capacity },
         { "id_conflict", status->rx_id_conflict },
         { "dropped", status->rx_dropped },
+        { "version", status->rx_version },
+        { "other_map", status->rx_other_map },
     };
     head(out, "verge_rx_total", "counter", "Vehicle states received, by result.");
     for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {

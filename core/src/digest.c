@@ -26,6 +26,7 @@ static uint64_t digest_double(uint64_t digest, double value)
 static uint64_t digest_actions(uint64_t digest, const verge_vehicle_plan* plan)
 {
     digest = digest_u64(digest, plan->action_count);
+    digest = digest_i32(digest, (int32_t)plan->decided);
     for (uint32_t i = 0; i < plan->action_count; ++i) {
         const verge_action_step* step = &plan->actions[i];
         digest = digest_i32(digest, (int32_t)step->action);

@@ -256,6 +256,7 @@ verge_status verge_planner_step_for(uint64_t config, verge_planner* self, int64_
     const verge_scene* scene = &self->scenes[0];
     verge_status done = verge_decide(self->decider, scene, &self->commitment, &self->decision);
     VERGE_ASSERT(done == VERGE_OK);
+    verge_decision_round(&self->decision);
     done = verge_predict(self->predictor, scene, &self->decision, &self->tracks);
     VERGE_ASSERT(done == VERGE_OK);
     (void)done;

@@ -94,7 +94,7 @@ class DdsBus:
                 message = make()
                 for name in make.__slots__:
                     value = getattr(sample, name)
-                    if name in ("actions", "points"):
+                    if name in ("actions", "passes", "stops", "points"):
                         value = [self.part(name, one) for one in value]
                     setattr(message, name, value)
                 # What goes out when a cycle is late is no cycle's plan.
@@ -103,7 +103,8 @@ class DdsBus:
 
     @staticmethod
     def part(name, sample):
-        kinds = {"actions": e2e_lcm.verge.plan_action_t, "points": e2e_lcm.verge.plan_point_t}
+        kinds = {"actions": e2e_lcm.verge.plan_action_t, "points": e2e_lcm.verge.plan_point_t,
+                 "passes": e2e_lcm.verge.plan_pass_t, "stops": e2e_lcm.verge.plan_stop_t}
         part = kinds[name]()
         for field in kinds[name].__slots__:
             setattr(part, field, getattr(sample, field))
@@ -197,7 +198,7 @@ def wrong_and_impossible_states_are_counted_and_no_plan_is_missing(rig):
         bus.meet(good)
         stranger = DdsBus()
         for _ in range(20):
-            for number, changes in enumerate(({"x": math.nan}, {"speed": -3.0}, {"y": 500.0},
+            for number, changes in enumerate(({"x": math.nan}, {"speed": -16.0}, {"y": 500.0},
                                               {"utime": int(time.time() * 1e6) + 10 ** 6})):
                 state = Vehicle(90 + number, 40, 0).now()
                 for name, value in changes.items():

@@ -82,25 +82,30 @@ static void test_every_message_has_all_its_fields_and_fits(void** state)
     static char buffer[MESSAGE_JSON_MAX];
     verge_vehicle_plan_t plan;
     memset(&plan, 0x80, sizeof plan); // the longest numbers: negative, of many digits
-    plan.action_count = 10;
+    plan.action_count = 7;
+    plan.pass_count = 4;
+    plan.stop_count = 3;
     plan.point_count = 31;
     for (int i = 0; i < 31; ++i) {
         plan.points[i] = (verge_plan_point_t){ -DBL_MAX / 3.0, -DBL_MIN / 3.0, -FLT_MIN / 3.0f,
                                                -FLT_MAX / 3.0f, -FLT_MIN / 3.0f, -FLT_MAX / 3.0f };
     }
-    for (int i = 0; i < 10; ++i) {
-        plan.actions[i].speed = -FLT_MIN / 3.0f;
+    for (int i = 0; i < 7; ++i) {
+        plan.actions[i].s = plan.actions[i].speed = plan.actions[i].distance = -FLT_MIN / 3.0f;
+    }
+    for (int i = 0; i < 3; ++i) {
+        plan.stops[i] = (verge_plan_stop_t){ -FLT_MIN / 3.0f, -FLT_MAX / 3.0f };
     }
     text out = text_in(buffer, sizeof buffer);
     message_json(&out, TRANSPORT_PLAN, &plan);
     const int fields = (int)message_of(TRANSPORT_PLAN)->field_count;
-    assert_int_equal(fields_of(&out), fields - 2); // the counts are the arrays' lengths
+    assert_int_equal(fields_of(&out), fields - 4); // the counts are the arrays' lengths
     assert_non_null(strstr(buffer, "\"crc32\":\"80808080\""));
     plan.crc32 = 0; // not sent yet
     out = text_in(buffer, sizeof buffer);
     message_json(&out, TRANSPORT_PLAN, &plan);
-    assert_int_equal(fields_of(&out), fields - 3);
-    assert_null(strstr(buffer, "crc32"));
+    assert_int_equal(fields_of(&out), fields - 5);
+    assert_null(strstr(buffer, "\"crc32\""));
 
     verge_vehicle_state_t vehicle;
     memset(&vehicle, 0x80, sizeof vehicle);
@@ -113,6 +118,12 @@ static void test_every_message_has_all_its_fields_and_fits(void** state)
     out = text_in(buffer, sizeof buffer);
     message_json(&out, TRANSPORT_STATUS, &status);
     assert_int_equal(fields_of(&out), message_of(TRANSPORT_STATUS)->field_count);
+
+    verge_lane_signal_t signal;
+    memset(&signal, 0x80, sizeof signal);
+    out = text_in(buffer, sizeof buffer);
+    message_json(&out, TRANSPORT_SIGNAL, &signal);
+    assert_int_equal(fields_of(&out), message_of(TRANSPORT_SIGNAL)->field_count);
 }
 
 static void test_codes_have_names_and_others_are_unknown(void** state)

@@ -74,6 +74,7 @@ static void every_field_of_every_vehicle_plan_counts(void** state)
         COUNTS_INTEGER(of->status);
         COUNTS_INTEGER(of->reason);
         COUNTS_INTEGER(of->action_count);
+        COUNTS_INTEGER(of->decided);
         COUNTS_INTEGER(of->point_count);
         COUNTS_INTEGER(of->why.code);
         COUNTS_INTEGER(of->why.vehicle_id);

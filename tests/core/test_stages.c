@@ -525,6 +525,34 @@ static void a_last_plan_with_no_usable_curvature_counts_as_none(void** state)
 
 // ---------------------------------------------------------------------------- all stages
 
+static void a_rounded_decision_is_near_the_decision_and_rounded_again_the_same(void** state)
+{
+    (void)state;
+    place_three(&one, 10.0);
+    verge_vehicle_decision* own = keep(&one, 10.0);
+    own->steps[0].t1 = own->steps[1].t0 = 1.0 / 3.0;
+    own->steps[1].t1 = own->steps[2].t0 = 2.0 / 3.0;
+    own->steps[1].s = 80.0 + 1.0 / 3.0;
+    own->steps[1].d = -1.0 / 3.0;
+    own->steps[2].d = 1e9;                // no lane is as wide
+    own->steps[2].distance = (double)NAN; // for the check of decisions to refuse
+    const verge_vehicle_decision before = *own;
+    verge_decision_round(&one.decision);
+    for (uint32_t t = 0; t < 3; ++t) {
+        const verge_action_step *step = &own->steps[t], *was = &before.steps[t];
+        assert_true(step->t1 >= was->t1 - 1e-9 && step->t1 < was->t1 + 1e-3);
+        CHECK_NEAR(step->s, was->s, 1e-5);
+        CHECK_NEAR(step->v, was->v, 1e-6);
+        assert_true(t == 0 || step->t0 == step[-1].t1);
+        CHECK_SAME_BITS(step->s, (double)(float)step->s);
+    }
+    CHECK_NEAR(own->steps[1].d, -0.333, 1e-12);
+    assert_true(own->steps[2].d < 33.0 && isnan(own->steps[2].distance));
+    const verge_vehicle_decision once = *own;
+    verge_decision_round(&one.decision);
+    assert_memory_equal(&once, own, sizeof once);
+}
+
 // Vehicle 3 has humans around it; vehicle 4 is so far away that the two share nothing.
 static void the_stages_alone_plan_what_the_planner_plans(void** state)
 {
@@ -548,6 +576,7 @@ static void the_stages_alone_plan_what_the_planner_plans(void** state)
         assert_int_equal(verge_scene_place(&one.scene, utime, heard, 4, NULL), VERGE_OK);
         assert_int_equal(verge_decide(one.decider, &one.scene, &commitment, &one.decision),
                          VERGE_OK);
+        verge_decision_round(&one.decision);
         assert_int_equal(predict(&one), VERGE_OK);
         assert_int_equal(whole.replanned_count, 0);
         for (uint32_t i = 0; i < 2; ++i) {
@@ -682,6 +711,7 @@ int main(void)
         CASE(of_the_vehicles_own_track_only_its_size_counts),
         CASE(only_a_controlled_vehicle_of_the_scene_is_planned),
         CASE(a_last_plan_with_no_usable_curvature_counts_as_none),
+        CASE(a_rounded_decision_is_near_the_decision_and_rounded_again_the_same),
         CASE(the_stages_alone_plan_what_the_planner_plans),
         CASE(stages_that_share_a_road_do_not_disturb_each_other_or_the_road),
         CASE(a_scene_larger_than_the_def_is_refused_by_every_stage),

@@ -247,7 +247,7 @@ static void test_a_forged_plan_that_is_accepted_has_finite_values(void** state)
         verge_point          points[VERGE_POINTS_MAX];
         verge_vehicle_plan_t plan = {
             .utime = start, .valid_until_utime = start + 1, .point_count = 31, .dt_ms = 100,
-            .action_count = 10,
+            .action_count = 7, .protocol_version = WIRE_PROTOCOL_VERSION,
         };
         codec_encode(TRANSPORT_PLAN, &plan, bytes);
         const size_t at = 24 + test_rng_below(&rng, CODEC_PLAN_SIZE - 4 - 24 - 8);

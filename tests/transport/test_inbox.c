@@ -41,7 +41,7 @@ static inbox_verdict offer(verge_vehicle_state_t state, int64_t now)
 static uint64_t refusals(const inbox_counters* c)
 {
     return c->rx_stale + c->rx_future + c->rx_duplicate + c->rx_out_of_order + c->rx_out_of_range +
-           c->rx_off_map + c->rx_over_capacity + c->rx_id_conflict;
+           c->rx_off_map + c->rx_over_capacity + c->rx_id_conflict + c->rx_version;
 }
 
 // ---------------------------------------------------------------- what gets in
@@ -638,9 +638,119 @@ static void test_a_status_carries_all_counters_and_never_wraps(void** state)
 
 #define TEST(name) cmocka_unit_test_setup(name, fresh_inbox)
 
+// ---------------------------------------------------------------- versions, maps, signals
+
+static void test_a_state_of_an_unknown_version_is_refused_and_named(void** state)
+{
+    (void)state;
+    verge_vehicle_state_t known = car(1, start), strange = car(2, start);
+    known.protocol_version = WIRE_PROTOCOL_VERSION;
+    strange.protocol_version = WIRE_PROTOCOL_VERSION + 1;
+    strange.x = NAN; // what a field means is not known: no other rule is applied
+    assert_int_equal(offer(known, start), INBOX_ACCEPTED);
+    assert_int_equal(offer(strange, start), INBOX_VERSION);
+    assert_int_equal(box.counters.rx_version, 1);
+    assert_int_equal(refusals(&box.counters), 1);
+    assert_int_equal(box.fault_version, WIRE_PROTOCOL_VERSION + 1);
+    assert_string_equal(inbox_verdict_name(INBOX_VERSION), "version");
+    verge_rsu_status_t status = { 0 };
+    inbox_fill_status(&box, &(transport_stats){ 0 }, &status);
+    assert_int_equal(status.rx_version, 1);
+}
+
+static void test_a_vehicle_with_another_map_is_used_without_its_target(void** state)
+{
+    (void)state;
+    inbox_set_map(&box, 0xc0ffee);
+    for (int32_t id = 1; id <= 3; ++id) {
+        verge_vehicle_state_t one = car(id, start);
+        one.target_lane = 4;
+        one.map_crc32 = id == 1 ? 0 : id == 2 ? 0xc0ffee : 0xbadbad;
+        assert_int_equal(offer(one, start), INBOX_ACCEPTED);
+    }
+    inbox_snapshot(&box, start, &view);
+    assert_int_equal(view.count, 3);
+    assert_int_equal(view.vehicles[0].target_lane, 4);
+    assert_int_equal(view.vehicles[1].target_lane, 4);
+    assert_int_equal(view.vehicles[2].target_lane, VERGE_NO_LANE);
+    assert_int_equal(box.counters.rx_other_map, 1);
+    assert_int_equal(refusals(&box.counters), 0);
+}
+
+static verge_lane_signal_t light(int32_t lane, int64_t utime, verge_signal_state shows)
+{
+    return (verge_lane_signal_t){ .utime = utime, .lane = lane, .state = (int16_t)shows,
+                                  .protocol_version = WIRE_PROTOCOL_VERSION };
+}
+
+static inbox_verdict offer_light(verge_lane_signal_t signal, int64_t now)
+{
+    return inbox_offer_signal(&box, &signal, now, NULL);
+}
+
+static void test_signals_are_kept_by_lane_and_each_refusal_is_counted(void** state)
+{
+    (void)state;
+    inbox_set_map(&box, 0xc0ffee);
+    assert_int_equal(offer_light(light(9, start, VERGE_SIGNAL_GREEN), start), INBOX_ACCEPTED);
+    assert_int_equal(offer_light(light(2, start, VERGE_SIGNAL_RED), start), INBOX_ACCEPTED);
+    assert_int_equal(offer_light(light(9, start + 1, VERGE_SIGNAL_RED), start), INBOX_ACCEPTED);
+    assert_int_equal(offer_light(light(9, start, VERGE_SIGNAL_GREEN), start), INBOX_OUT_OF_ORDER);
+    assert_int_equal(offer_light(light(3, start + 41 * MS, VERGE_SIGNAL_RED), start), INBOX_FUTURE);
+    assert_int_equal(offer_light(light(3, start - 2001 * MS, VERGE_SIGNAL_RED), start), INBOX_STALE);
+    verge_lane_signal_t bad = light(3, start, (verge_signal_state)7);
+    assert_int_equal(offer_light(bad, start), INBOX_OUT_OF_RANGE);
+    assert_string_equal(box.fault_field, "state");
+    bad = light(3, start, VERGE_SIGNAL_RED);
+    bad.protocol_version = 2;
+    assert_int_equal(offer_light(bad, start), INBOX_VERSION);
+    bad.protocol_version = 1;
+    bad.map_crc32 = 5;
+    assert_int_equal(offer_light(bad, start), INBOX_OTHER_MAP);
+    assert_int_equal(refusals(&box.counters), 5);
+    assert_int_equal(box.counters.rx_accepted, 0); // counts states
+    verge_signal shown[INBOX_SIGNALS_MAX];
+    assert_int_equal(inbox_signals(&box, start, shown), 2);
+    assert_int_equal(shown[0].lane_id, 2);
+    assert_int_equal(shown[1].lane_id, 9);
+    assert_int_equal(shown[1].state, VERGE_SIGNAL_RED);
+}
+
+static void test_a_signal_that_nobody_confirms_is_red(void** state)
+{
+    (void)state;
+    verge_signal shown[INBOX_SIGNALS_MAX];
+    verge_lane_signal_t timed = light(1, start, VERGE_SIGNAL_GREEN);
+    timed.change_utime = start + 5000 * MS;
+    offer_light(timed, start);
+    offer_light(light(2, start, VERGE_SIGNAL_GREEN), start); // no time of change
+    offer_light(light(3, start, VERGE_SIGNAL_OFF), start);
+    assert_int_equal(inbox_signals(&box, start + 2000 * MS, shown), 3);
+    assert_int_equal(shown[0].state, VERGE_SIGNAL_GREEN);
+    CHECK_NEAR(shown[0].change_s, 3.0, 1e-9);
+    assert_int_equal(shown[1].state, VERGE_SIGNAL_GREEN);
+    assert_true(shown[1].change_s < 0.0);
+    inbox_signals(&box, start + 2001 * MS, shown); // silent for longer than drop_ms
+    assert_int_equal(shown[0].state, VERGE_SIGNAL_GREEN);
+    assert_int_equal(shown[1].state, VERGE_SIGNAL_RED);
+    inbox_signals(&box, start + 5001 * MS, shown);
+    assert_int_equal(shown[0].state, VERGE_SIGNAL_RED);
+    assert_int_equal(shown[2].state, VERGE_SIGNAL_OFF);
+    // The clock has stepped back: what they show now is not known, but they are there.
+    inbox_forget(&box, VERGE_VEHICLES_MAX, VERGE_CONTROLLED_MAX);
+    assert_int_equal(inbox_signals(&box, start - 600000 * MS, shown), 3);
+    assert_int_equal(shown[0].state, VERGE_SIGNAL_RED);
+    assert_int_equal(offer_light(light(1, start - 600000 * MS, VERGE_SIGNAL_GREEN),
+                                 start - 600000 * MS), INBOX_ACCEPTED);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        TEST(test_a_state_of_an_unknown_version_is_refused_and_named),
+        TEST(test_a_vehicle_with_another_map_is_used_without_its_target),
+        TEST(test_signals_are_kept_by_lane_and_each_refusal_is_counted),
+        TEST(test_a_signal_that_nobody_confirms_is_red),
         TEST(test_a_state_40_ms_ahead_is_accepted_and_one_more_is_not),
         TEST(test_a_state_2_s_old_is_accepted_and_one_older_is_stale),
         TEST(test_duplicate_and_older_states_are_distinguished),

@@ -4,6 +4,7 @@
 ///         each field of a good message is pushed over each of its limits, one at a time.
 #include "check.h"
 #include "codec.h"
+#include "lcm_auth.h"
 #include "rng.h"
 #include "verge/limits.h"
 #include "verge/message.h"
@@ -50,6 +51,7 @@ static verge_vehicle_state_t good_state(void)
 {
     return (verge_vehicle_state_t){
         .utime = 1700000000123456, .vehicle_id = 7, .sequence = 41, .controlled = 1,
+        .protocol_version = 1, .map_crc32 = 0x1234567,
         .x = 123.456, .y = -7.25, .heading = 0.1f, .speed = 15.5f, .acceleration = -0.5f,
         .yaw_rate = 0.02f, .length = 4.8f, .width = 1.9f, .position_sigma = 0.3f,
         .target_lane = 2, .habit = 0, .cooperation = 0.25f, .followed_cycle = 12,
@@ -61,15 +63,24 @@ static verge_vehicle_plan_t good_plan(void)
     verge_vehicle_plan_t plan = {
         .utime = 1700000000500000, .valid_until_utime = 1700000001500000, .rsu_id = 3,
         .cycle = 17, .plans_in_cycle = 2, .vehicle_id = 7, .state_utime = 1700000000400000,
-        .status = 1, .reason = 2, .action_count = 10, .point_count = 31, .dt_ms = 100,
+        .status = 1, .reason = 2, .protocol_version = 1, .why = 2, .map_crc32 = 0x1234567,
+        .why_vehicle = 8, .why_lane = 4, .action_count = 7, .pass_count = 4, .stop_count = 3,
+        .point_count = 31, .dt_ms = 100, .decided = 2,
         .digest = 0x0123456789abcdef,
     };
-    for (int i = 0; i < 10; ++i) {
+    for (int i = 0; i < 7; ++i) {
         plan.actions[i] = (verge_plan_action_t){
             .action = (int16_t)(i % 5), .lane = i, .brake_light = (int16_t)(i % 2),
             .turn_signal = (int16_t)(i % 3 - 1), .t0_ms = 500 * i, .t1_ms = 500 * (i + 1),
-            .speed = 10.0f + (float)i,
+            .speed = 10.0f + (float)i, .s = 0.25f * (float)i, .d_mm = (int16_t)(100 * i - 300),
+            .distance = 0.5f * (float)i,
         };
+    }
+    for (int i = 0; i < 4; ++i) {
+        plan.passes[i] = (verge_plan_pass_t){ .lane = i, .after = 10 + i };
+    }
+    for (int i = 0; i < 3; ++i) {
+        plan.stops[i] = (verge_plan_stop_t){ .duration = 0.5f, .jerk = (float)(1 - i) };
     }
     for (int i = 0; i < 31; ++i) {
         plan.points[i] = (verge_plan_point_t){
@@ -123,6 +134,8 @@ static void test_a_state_message_has_its_documented_fields_in_order(void** state
     WRITE(&w, int32_t, m.vehicle_id);
     WRITE(&w, int32_t, m.sequence);
     WRITE(&w, int16_t, m.controlled);
+    WRITE(&w, int16_t, m.protocol_version);
+    WRITE(&w, int32_t, m.map_crc32);
     WRITE(&w, double, m.x);
     WRITE(&w, double, m.y);
     WRITE(&w, float, m.heading);
@@ -153,18 +166,37 @@ static void test_a_plan_message_has_its_documented_fields_in_order(void** state)
     WRITE(&w, int64_t, m.state_utime);
     WRITE(&w, int16_t, m.status);
     WRITE(&w, int16_t, m.reason);
+    WRITE(&w, int16_t, m.protocol_version);
+    WRITE(&w, int16_t, m.why);
+    WRITE(&w, int32_t, m.map_crc32);
+    WRITE(&w, int32_t, m.why_vehicle);
+    WRITE(&w, int32_t, m.why_lane);
     WRITE(&w, int32_t, m.action_count);
-    for (int i = 0; i < 10; ++i) {
+    for (int i = 0; i < 7; ++i) {
         WRITE(&w, int16_t, m.actions[i].action);
-        WRITE(&w, int32_t, m.actions[i].lane);
         WRITE(&w, int16_t, m.actions[i].brake_light);
         WRITE(&w, int16_t, m.actions[i].turn_signal);
+        WRITE(&w, int16_t, m.actions[i].d_mm);
+        WRITE(&w, int32_t, m.actions[i].lane);
         WRITE(&w, int32_t, m.actions[i].t0_ms);
         WRITE(&w, int32_t, m.actions[i].t1_ms);
+        WRITE(&w, float, m.actions[i].s);
         WRITE(&w, float, m.actions[i].speed);
+        WRITE(&w, float, m.actions[i].distance);
+    }
+    WRITE(&w, int32_t, m.pass_count);
+    for (int i = 0; i < 4; ++i) {
+        WRITE(&w, int32_t, m.passes[i].lane);
+        WRITE(&w, int32_t, m.passes[i].after);
+    }
+    WRITE(&w, int32_t, m.stop_count);
+    for (int i = 0; i < 3; ++i) {
+        WRITE(&w, float, m.stops[i].duration);
+        WRITE(&w, float, m.stops[i].jerk);
     }
     WRITE(&w, int32_t, m.point_count);
-    WRITE(&w, int32_t, m.dt_ms);
+    WRITE(&w, int16_t, m.dt_ms);
+    WRITE(&w, int16_t, m.decided);
     for (int i = 0; i < 31; ++i) {
         WRITE(&w, double, m.points[i].x);
         WRITE(&w, double, m.points[i].y);
@@ -177,19 +209,48 @@ static void test_a_plan_message_has_its_documented_fields_in_order(void** state)
     check_encoding(TRANSPORT_PLAN, &m, &w);
 }
 
+static void test_a_signal_message_has_its_documented_fields_in_order(void** state)
+{
+    (void)state;
+    const verge_lane_signal_t m = { .utime = 1700000000500000, .change_utime = 1700000003500000,
+                                    .lane = 12, .state = 3, .protocol_version = 1,
+                                    .map_crc32 = 0x1234567 };
+    writer w = { .size = 0 };
+    WRITE(&w, int64_t, m.utime);
+    WRITE(&w, int64_t, m.change_utime);
+    WRITE(&w, int32_t, m.lane);
+    WRITE(&w, int16_t, m.state);
+    WRITE(&w, int16_t, m.protocol_version);
+    WRITE(&w, int32_t, m.map_crc32);
+    check_encoding(TRANSPORT_SIGNAL, &m, &w);
+    assert_null(wire_signal_check(&m));
+    verge_lane_signal_t bad = m;
+    bad.change_utime = m.utime - 1;
+    assert_string_equal(wire_signal_check(&bad), "change_utime");
+    bad = m;
+    bad.state = 4;
+    assert_string_equal(wire_signal_check(&bad), "state");
+}
+
+/// With LCM's header and its signature; on DDS with RTPS's headers, a heartbeat and the address of
+/// one reader, which a repeated plan has.
 static void test_every_message_fits_one_datagram(void** state)
 {
     (void)state;
     const verge_vehicle_state_t s = good_state();
     const verge_vehicle_plan_t  p = good_plan();
     const verge_rsu_status_t    r = { .utime = 1 };
+    const verge_lane_signal_t   l = { .utime = 1 };
     assert_int_equal(verge_vehicle_state_t_encoded_size(&s), CODEC_STATE_SIZE);
     assert_int_equal(verge_vehicle_plan_t_encoded_size(&p), CODEC_PLAN_SIZE);
     assert_int_equal(verge_rsu_status_t_encoded_size(&r), CODEC_STATUS_SIZE);
     for (int kind = TRANSPORT_STATE; kind <= TRANSPORT_MARK; ++kind) {
         const size_t header = 8 + strlen(codec_channel((transport_kind)kind)) + 1;
-        assert_true(header + codec_size((transport_kind)kind) <= 1472);
+        CHECK_AT_MOST(header + codec_size((transport_kind)kind) + LCM_AUTH_TRAILER_SIZE, 1472);
     }
+    assert_int_equal(verge_lane_signal_t_encoded_size(&l), CODEC_SIGNAL_SIZE);
+    const size_t rtps = 20 + 16 + 12 + 24 + 4 + 32;
+    CHECK_AT_MOST(rtps + offsetof(verge_vehicle_plan_t, crc32) + sizeof p.crc32, 1472);
 }
 
 static void test_decoding_returns_what_was_encoded(void** state)
@@ -205,7 +266,7 @@ static void test_decoding_returns_what_was_encoded(void** state)
     assert_int_equal(message.as.plan.crc32, 0x12345678);
     assert_memory_equal(&message.as.plan.points, &plan.points, sizeof plan.points);
     assert_int_equal(message.as.plan.digest, plan.digest);
-    assert_int_equal(message.as.plan.actions[9].t1_ms, 5000);
+    assert_int_equal(message.as.plan.actions[6].t1_ms, 3500);
 
     const transport_mark mark = { .utime = 1700000000500000, .cycle = 99, .overrun = 1 };
     size = codec_encode(TRANSPORT_MARK, &mark, bytes);
@@ -223,7 +284,7 @@ static void test_the_checksum_of_the_fields_is_that_of_the_bytes(void** state)
     static transport_message message, sealed, other;
     test_rng                 rng = test_rng_seeded("checksum");
     for (uint32_t round = 0; round < test_rounds(3000); ++round) {
-        const transport_kind kind = TRANSPORT_STATE + round % 3;
+        const transport_kind kind = TRANSPORT_STATE + round % 4;
         uint8_t              bytes[CODEC_SIZE_MAX];
         for (size_t i = 0; i < sizeof message.as; ++i) {
             ((uint8_t*)&message.as)[i] = (uint8_t)test_rng_next(&rng);
@@ -406,19 +467,28 @@ static void test_every_field_of_a_plan_is_held_to_its_range(void** state)
     CHECK_PLAN_FAULT(status = 4, "status");
     CHECK_PLAN_FAULT(status = -1, "status");
     CHECK_PLAN_FAULT(reason = -1, "reason");
-    CHECK_PLAN_FAULT(action_count = 11, "action_count");
+    CHECK_PLAN_FAULT(action_count = 8, "action_count");
     CHECK_PLAN_FAULT(action_count = -1, "action_count");
     CHECK_PLAN_FAULT(point_count = 32, "point_count");
     CHECK_PLAN_FAULT(point_count = 1, "point_count");
     CHECK_PLAN_FAULT(dt_ms = 0, "dt_ms");
     CHECK_PLAN_FAULT(dt_ms = 1001, "dt_ms");
-    CHECK_PLAN_FAULT(actions[9].action = 5, "actions.action");
-    CHECK_PLAN_FAULT(actions[9].lane = -2, "actions.lane");
-    CHECK_PLAN_FAULT(actions[9].brake_light = 2, "actions.brake_light");
-    CHECK_PLAN_FAULT(actions[9].turn_signal = -2, "actions.turn_signal");
-    CHECK_PLAN_FAULT(actions[9].t0_ms = -1, "actions.t0_ms");
-    CHECK_PLAN_FAULT(actions[9].t1_ms = plan.actions[9].t0_ms - 1, "actions.t1_ms");
-    CHECK_PLAN_FAULT(actions[9].speed = NAN, "actions.speed");
+    CHECK_PLAN_FAULT(actions[6].action = 5, "actions.action");
+    CHECK_PLAN_FAULT(actions[6].lane = -2, "actions.lane");
+    CHECK_PLAN_FAULT(actions[6].brake_light = 2, "actions.brake_light");
+    CHECK_PLAN_FAULT(actions[6].turn_signal = -2, "actions.turn_signal");
+    CHECK_PLAN_FAULT(actions[6].t0_ms = -1, "actions.t0_ms");
+    CHECK_PLAN_FAULT(actions[6].t1_ms = plan.actions[6].t0_ms - 1, "actions.t1_ms");
+    CHECK_PLAN_FAULT(actions[6].speed = NAN, "actions.speed");
+    CHECK_PLAN_FAULT(actions[6].s = NAN, "actions.s");
+    CHECK_PLAN_FAULT(actions[6].distance = -1.0f, "actions.distance");
+    CHECK_PLAN_FAULT(protocol_version = 0, "protocol_version");
+    CHECK_PLAN_FAULT(protocol_version = 2, "protocol_version");
+    CHECK_PLAN_FAULT(why = VERGE_WHY_COUNT, "why");
+    CHECK_PLAN_FAULT(pass_count = 5, "pass_count");
+    CHECK_PLAN_FAULT(passes[3].after = -1, "passes.after");
+    CHECK_PLAN_FAULT(stop_count = 4, "stop_count");
+    CHECK_PLAN_FAULT(stops[2].jerk = 51.0f, "stops.jerk");
     CHECK_PLAN_FAULT(points[30].x = NAN, "points.x");
     CHECK_PLAN_FAULT(points[30].y = 1.1e7, "points.y");
     CHECK_PLAN_FAULT(points[30].heading = 3.15f, "points.heading");
@@ -486,47 +556,84 @@ static verge_vehicle_plan core_plan(uint32_t steps)
 
 static const wire_plan_header header = {
     .utime = 1000000, .valid_until_utime = 2000000, .state_utime = 900000, .rsu_id = 3,
-    .cycle = 17, .plans_in_cycle = 2, .digest = 0xfedcba9876543210u,
+    .cycle = 17, .plans_in_cycle = 2, .digest = 0xfedcba9876543210u, .map_crc32 = 0x00c0ffee,
 };
 
-static void test_equal_neighbouring_steps_become_one_action(void** state)
+static void test_each_decision_step_is_an_action_and_the_first_seven_are_kept(void** state)
 {
     (void)state;
-    verge_vehicle_plan plan = core_plan(8); // KS KS | LCL LCL* | KS KS KS# KS#
-    plan.actions[2].action = plan.actions[3].action = VERGE_CHANGE_LEFT;
-    plan.actions[3].turn_signal = 1;   // * another light
-    plan.actions[6].lane_id = plan.actions[7].lane_id = 2; // # another lane
+    verge_vehicle_plan plan = core_plan(9);
+    for (uint32_t i = 0; i < 9; ++i) {
+        plan.actions[i].action = i % 2 == 0 ? VERGE_KEEP_SPEED : VERGE_CHANGE_LEFT;
+        plan.actions[i].turn_signal = i % 2 == 0 ? 0 : 1;
+        plan.actions[i].s = 100.5 + i;
+        plan.actions[i].d = 0.25 - 0.125 * i;
+        plan.actions[i].distance = 5.5 + i;
+    }
+    plan.decided = VERGE_ACCELERATE;
+    plan.why = (verge_cause){ VERGE_WHY_MERGE, 12, 4 };
+    plan.pass_count = 2;
+    plan.passes[1] = (verge_pass){ 4, 6, 12 };
 
     const verge_vehicle_plan_t message = wire_plan_from_vehicle_plan(&header, &plan);
-
+    verge_vehicle_decision     decision;
     assert_null(wire_plan_check(&message));
-    assert_int_equal(message.action_count, 5);
-    static const int32_t t0[] = { 0, 1000, 1500, 2000, 3000 };
-    static const int32_t t1[] = { 1000, 1500, 2000, 3000, 4000 };
-    static const double  speed[] = { 11, 12, 13, 15, 17 };
-    for (int i = 0; i < 5; ++i) {
-        assert_int_equal(message.actions[i].t0_ms, t0[i]);
-        assert_int_equal(message.actions[i].t1_ms, t1[i]);
-        CHECK_NEAR(message.actions[i].speed, speed[i], 0.0);
+    assert_true(wire_decision_from_plan(&message, &decision));
+    assert_int_equal(decision.vehicle_id, 7);
+    assert_int_equal(decision.step_count, 7);
+    plan.actions[0].action = VERGE_ACCELERATE; // what was decided, not what is driven
+    for (uint32_t i = 0; i < 7; ++i) {
+        verge_action_step expected = plan.actions[i];
+        expected.ahead_id = expected.behind_id = -1;
+        assert_memory_equal(&decision.steps[i], &expected, sizeof expected);
     }
-    assert_int_equal(message.actions[2].turn_signal, 1);
-    assert_int_equal(message.actions[4].lane, 2);
+    assert_memory_equal(&decision.why, &plan.why, sizeof plan.why);
+    assert_int_equal(decision.pass_count, 2);
+    assert_int_equal(decision.passes[1].lane_id, 4);
+    assert_int_equal(decision.passes[1].after_id, 12);
     assert_int_equal(message.point_count, 31);
     assert_int_equal(message.dt_ms, 100);
+    assert_int_equal(message.protocol_version, WIRE_PROTOCOL_VERSION);
+    assert_int_equal(message.map_crc32, 0x00c0ffee);
     assert_true((uint64_t)message.digest == header.digest);
+
+    const verge_vehicle_plan_t none = wire_plan_cancelled(&header, 7, VERGE_REASON_NONE);
+    assert_int_equal(none.why_vehicle, -1);
+    assert_false(wire_decision_from_plan(&none, &decision));
 }
 
-static void test_the_first_ten_actions_are_kept(void** state)
+static void test_the_checksum_of_a_road_is_over_what_it_states(void** state)
 {
     (void)state;
-    verge_vehicle_plan plan = core_plan(VERGE_STEPS_MAX);
-    for (uint32_t i = 0; i < VERGE_STEPS_MAX; ++i) {
-        plan.actions[i].action = i % 2 == 0 ? VERGE_KEEP_SPEED : VERGE_ACCELERATE;
+    const double points[2][2][2] = { { { 0, 0 }, { 100, 0 } }, { { 0, 4 }, { 100, 4 } } };
+    verge_lane_def lanes[2] = { verge_lane_def_default(), verge_lane_def_default() };
+    for (int i = 0; i < 2; ++i) {
+        lanes[i].id = i;
+        lanes[i].points = points[i];
+        lanes[i].point_count = 2;
     }
-    const verge_vehicle_plan_t message = wire_plan_from_vehicle_plan(&header, &plan);
-    assert_int_equal(message.action_count, 10);
-    assert_int_equal(message.actions[9].t1_ms, 5000);
-    assert_null(wire_plan_check(&message));
+    const verge_road_def road = { lanes, 2 };
+    const uint32_t       crc = wire_map_crc32(&road);
+    const verge_lane_def swapped[2] = { lanes[1], lanes[0] };
+    assert_int_equal(wire_map_crc32(&(verge_road_def){ swapped, 2 }), crc); // in any order
+    assert_int_not_equal(wire_map_crc32(&(verge_road_def){ lanes, 1 }), crc);
+#define CHECK_COUNTS(change)                                      \
+    do {                                                          \
+        const verge_lane_def kept = lanes[1];                     \
+        lanes[1].change;                                          \
+        assert_int_not_equal(wire_map_crc32(&road), crc);         \
+        lanes[1] = kept;                                          \
+    } while (0)
+    CHECK_COUNTS(id = 2);
+    CHECK_COUNTS(width = nextafter(3.5, 4.0));
+    CHECK_COUNTS(speed_limit = 14.0);
+    CHECK_COUNTS(right = 0);
+    CHECK_COUNTS(successor_count = 1);
+    CHECK_COUNTS(change_left_given = true);
+    CHECK_COUNTS(priority = VERGE_PRIORITY_MINOR);
+    CHECK_COUNTS(stop_line_given = true);
+    CHECK_COUNTS(points = points[0]);
+    assert_int_equal(wire_map_crc32(&road), crc);
 }
 
 static void test_points_come_back_with_time_and_jerk(void** state)
@@ -553,7 +660,7 @@ static void test_the_rest_of_a_plan_is_a_plan_that_ends_where_it_ended(void** st
     uint32_t lefts = 0;
     for (uint32_t round = 0; round < test_rounds(20000); ++round) {
         verge_vehicle_plan_t plan = good_plan();
-        plan.dt_ms = 1 + (int32_t)(test_rng_next(&rng) % 1000);
+        plan.dt_ms = (int16_t)(1 + test_rng_next(&rng) % 1000);
         plan.point_count = 2 + (int32_t)(test_rng_next(&rng) % (WIRE_POINTS_MAX - 1));
         plan.action_count = (int32_t)(test_rng_next(&rng) % (WIRE_ACTIONS_MAX + 1));
         for (int32_t i = 0; i < plan.point_count; ++i) {
@@ -622,6 +729,7 @@ int main(void)
         cmocka_unit_test(test_crc32_is_that_of_zlib),
         cmocka_unit_test(test_a_state_message_has_its_documented_fields_in_order),
         cmocka_unit_test(test_a_plan_message_has_its_documented_fields_in_order),
+        cmocka_unit_test(test_a_signal_message_has_its_documented_fields_in_order),
         cmocka_unit_test(test_every_message_fits_one_datagram),
         cmocka_unit_test(test_decoding_returns_what_was_encoded),
         cmocka_unit_test(test_the_checksum_of_the_fields_is_that_of_the_bytes),
@@ -631,8 +739,8 @@ int main(void)
         cmocka_unit_test(test_every_field_of_a_plan_is_held_to_its_range),
         cmocka_unit_test(test_a_vehicle_is_the_same_after_conversion_there_and_back),
         cmocka_unit_test(test_an_unknown_cooperation_is_the_habits),
-        cmocka_unit_test(test_equal_neighbouring_steps_become_one_action),
-        cmocka_unit_test(test_the_first_ten_actions_are_kept),
+        cmocka_unit_test(test_each_decision_step_is_an_action_and_the_first_seven_are_kept),
+        cmocka_unit_test(test_the_checksum_of_a_road_is_over_what_it_states),
         cmocka_unit_test(test_points_come_back_with_time_and_jerk),
         cmocka_unit_test(test_the_rest_of_a_plan_is_a_plan_that_ends_where_it_ended),
         cmocka_unit_test(test_a_cancelled_plan_is_acceptable_and_empty),

@@ -75,7 +75,8 @@
 
 /// The bits of `receive` that request messages.
 enum {
-    RECEIVE_MASK = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES | TRANSPORT_MARKS,
+    RECEIVE_MASK = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES | TRANSPORT_SIGNALS
+                   | TRANSPORT_MARKS,
 };
 
 /// transport_stats, countable by two threads.

@@ -22,17 +22,30 @@ enum {
 #define ACTION(type, name, ...) + sizeof((verge_plan_action_t*)0)->name
 #include "messages.def"
     ,
+    CODEC_PASS_SIZE = 0
+#define PASS(type, name, ...) + sizeof((verge_plan_pass_t*)0)->name
+#include "messages.def"
+    ,
+    CODEC_STOP_SIZE = 0
+#define STOP(type, name, ...) + sizeof((verge_plan_stop_t*)0)->name
+#include "messages.def"
+    ,
     CODEC_POINT_SIZE = 0
 #define POINT(type, name, ...) + sizeof((verge_plan_point_t*)0)->name
 #include "messages.def"
     ,
     CODEC_PLAN_SIZE = CODEC_FINGERPRINT_SIZE + WIRE_ACTIONS_MAX * CODEC_ACTION_SIZE +
+                      WIRE_PASSES_MAX * CODEC_PASS_SIZE + WIRE_STOPS_MAX * CODEC_STOP_SIZE +
                       WIRE_POINTS_MAX * CODEC_POINT_SIZE
 #define PLAN(type, name, ...) + sizeof((verge_vehicle_plan_t*)0)->name
 #include "messages.def"
     ,
     CODEC_STATUS_SIZE = CODEC_FINGERPRINT_SIZE
 #define STATUS(type, name, ...) + sizeof((verge_rsu_status_t*)0)->name
+#include "messages.def"
+    ,
+    CODEC_SIGNAL_SIZE = CODEC_FINGERPRINT_SIZE
+#define SIGNAL(type, name, ...) + sizeof((verge_lane_signal_t*)0)->name
 #include "messages.def"
     ,
     CODEC_MARK_SIZE = 32,

@@ -45,7 +45,7 @@
 #include <unistd.h>
 
 enum {
-    KINDS = TRANSPORT_STATUS + 1, // array size; TRANSPORT_NONE is unused
+    KINDS = TRANSPORT_SIGNAL + 1, // array size; TRANSPORT_NONE is unused
     INSTANCES_MAX = 1024,         // 1.3 MB of plans, 90 KB of states
     BUSES_MAX = 32,               // of a process
     LINE_SIZE = COMPLAINT_SIZE,
@@ -431,6 +431,9 @@ static int ends_open(dds* self, unsigned receive)
 {
     int result = 0;
     for (uint32_t kind = TRANSPORT_STATE; result == 0 && kind < KINDS; ++kind) {
+        if ((receive & (1u << kind | 1u << (8 + kind))) == 0) {
+            continue; // permissions may not name this topic
+        }
         self->topics[kind] =
             dds_create_topic(self->participant, dds_type_of((transport_kind)kind),
                              codec_channel((transport_kind)kind), NULL, NULL);
@@ -455,7 +458,7 @@ static dds_qos_t* quality_of(transport_kind kind)
     } else {
         dds_qset_reliability(quality, DDS_RELIABILITY_RELIABLE, DDS_MSECS(5));
     }
-    if (kind == TRANSPORT_STATUS) {
+    if (kind == TRANSPORT_STATUS || kind == TRANSPORT_SIGNAL) {
         dds_qset_durability(quality, DDS_DURABILITY_TRANSIENT_LOCAL);
     }
     return quality;
@@ -532,8 +535,8 @@ static int reader_open(dds* self, transport_kind kind)
     return reader < 0 ? reader : 0;
 }
 
-/// 0 or a return code of Cyclone's. Deadlines: a state is due every 0.1 s, a status every second;
-/// five and two of them may be lost. Readers need not require them.
+/// 0 or a return code of Cyclone's. Deadlines: a state is due every 0.1 s, a status or a signal
+/// every second; five and two of them may be lost. Readers need not require them.
 static int writer_open(dds* self, transport_kind kind)
 {
     dds_qos_t* quality = quality_of(kind);
@@ -542,7 +545,8 @@ static int writer_open(dds* self, transport_kind kind)
     switch (kind) {
     case TRANSPORT_STATE: dds_qset_deadline(quality, DDS_MSECS(500)); break;
     case TRANSPORT_PLAN: dds_qset_lifespan(quality, DDS_SECS(3)); break;
-    case TRANSPORT_STATUS: dds_qset_deadline(quality, DDS_SECS(3)); break;
+    case TRANSPORT_STATUS:
+    case TRANSPORT_SIGNAL: dds_qset_deadline(quality, DDS_SECS(3)); break;
     case TRANSPORT_MARK:
     case TRANSPORT_NONE: break;
     }

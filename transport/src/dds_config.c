@@ -88,7 +88,9 @@ bool dds_config_write(const transport_options* options, uint32_t domain, char* b
     put_discovery(&self, options, domain, theirs);
     // Closing waits this long for readers that do not acknowledge, so that a daemon ends within 1
     // s.
-    put(&self, "<Internal><WriterLingerDuration>200ms</WriterLingerDuration></Internal>");
+    // The largest message, a plan, is one fragment: 1,364 bytes and 4 of its header.
+    put(&self, "<Internal><WriterLingerDuration>200ms</WriterLingerDuration>"
+               "<FragmentSize>1400B</FragmentSize></Internal>");
     if (setting_count(options, "dds.security.key") > 0 && !theirs) {
         // dds.c finds participants without a certificate in these lines.
         put(&self, "<Tracing><Category>discovery</Category><OutputFile>stderr</OutputFile>"

@@ -7,13 +7,19 @@
 // this file only.
 #define verge_vehicle_state_t idl_vehicle_state_t
 #define verge_plan_action_t idl_plan_action_t
+#define verge_plan_pass_t idl_plan_pass_t
+#define verge_plan_stop_t idl_plan_stop_t
 #define verge_plan_point_t idl_plan_point_t
+#define verge_lane_signal_t idl_lane_signal_t
 #define verge_vehicle_plan_t idl_vehicle_plan_t
 #define verge_rsu_status_t idl_rsu_status_t
 #include "verge.h"
 #undef verge_vehicle_state_t
 #undef verge_plan_action_t
+#undef verge_plan_pass_t
+#undef verge_plan_stop_t
 #undef verge_plan_point_t
+#undef verge_lane_signal_t
 #undef verge_vehicle_plan_t
 #undef verge_rsu_status_t
 
@@ -28,6 +34,9 @@
 #define PART(KIND, type, ...) SAME_SIZE(type);
 #define STATE(type, name, ...) SAME(vehicle_state_t, name);
 #define ACTION(type, name, ...) SAME(plan_action_t, name);
+#define PASS(type, name, ...) SAME(plan_pass_t, name);
+#define STOP(type, name, ...) SAME(plan_stop_t, name);
+#define SIGNAL(type, name, ...) SAME(lane_signal_t, name);
 #define POINT(type, name, ...) SAME(plan_point_t, name);
 #define PLAN(type, name, ...) SAME(vehicle_plan_t, name);
 #define PLAN_ARRAY(part, name, ...) SAME(vehicle_plan_t, name);

@@ -21,6 +21,8 @@ static bool          target_known(const verge_vehicle_state_t* state, const verg
 static void          slot_store(inbox* self, inbox_slot* slot, const verge_vehicle_state_t* state,
                                 const verge_road* road);
 static float         lane_heading(const verge_road* road, const verge_vehicle_state_t* state);
+static bool          is_of_other_map(const inbox* self, const verge_vehicle_state_t* state);
+static bool          is_known_version(int16_t version);
 static bool          on_map(const verge_road* road, const verge_vehicle_state_t* state);
 static void          verdict_count(inbox_counters* counters, inbox_verdict verdict);
 static void          slots_order(inbox* self);
@@ -108,11 +110,29 @@ inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64
     return inbox_offer_from(self, state, (inbox_source){ 0 }, now_utime, road);
 }
 
+void inbox_set_map(inbox* self, uint32_t map_crc32)
+{
+    self->map_crc32 = map_crc32;
+}
+
+static bool is_of_other_map(const inbox* self, const verge_vehicle_state_t* state)
+{
+    return self->map_crc32 != 0 && state->map_crc32 != 0 && state->target_lane != VERGE_NO_LANE
+           && (uint32_t)state->map_crc32 != self->map_crc32;
+}
+
 inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
                                inbox_source source, int64_t now_utime, const verge_road* road)
 {
     assert(source.bus < INBOX_BUSES_MAX);
     inbox_slot*   slot = slot_of(self, state->vehicle_id);
+    verge_vehicle_state_t without_target;
+    if (is_of_other_map(self, state)) {
+        ++self->counters.rx_other_map;
+        without_target = *state;
+        without_target.target_lane = VERGE_NO_LANE;
+        state = &without_target;
+    }
     inbox_verdict verdict = state_judge(self, slot, state, source, now_utime, road);
     if (verdict == INBOX_ACCEPTED && slot == NULL) {
         slot = slot_free(self, now_utime);
@@ -162,12 +182,113 @@ void inbox_review(inbox* self, const verge_road* road)
             slot->state.target_lane = VERGE_NO_LANE;
         }
     }
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < self->signal_count; ++i) {
+        if (verge_road_continues(road, self->signals[i].lane, self->signals[i].lane)) {
+            self->signals[kept++] = self->signals[i];
+        }
+    }
+    self->signal_count = kept;
+}
+
+void inbox_forget(inbox* self, uint32_t vehicles_max, uint32_t controlled_max)
+{
+    assert(controlled_max >= 1 && controlled_max <= vehicles_max);
+    memset(self->slots, 0, sizeof self->slots);
+    self->vehicles_max = vehicles_max;
+    self->controlled_max = controlled_max;
+    for (uint32_t i = 0; i < self->signal_count; ++i) { // older than any message
+        self->signals[i].utime = 1;
+        self->signals[i].change_utime = 0;
+    }
+}
+
+// ---- signals ------------------------------------------------------------------------------
+
+static inbox_verdict signal_judge(inbox* self, const verge_lane_signal_t* signal,
+                                  int64_t now_utime, const verge_road* road)
+{
+    if (!is_known_version(signal->protocol_version)) {
+        self->fault_version = signal->protocol_version;
+        return INBOX_VERSION;
+    }
+    const char* fault = wire_signal_check(signal);
+    if (fault == NULL && road != NULL && !verge_road_continues(road, signal->lane, signal->lane)) {
+        fault = "lane";
+    }
+    const bool other = self->map_crc32 != 0 && signal->map_crc32 != 0
+                       && (uint32_t)signal->map_crc32 != self->map_crc32;
+    if (other) {
+        return INBOX_OTHER_MAP;
+    }
+    if (fault != NULL) {
+        self->fault_field = fault;
+        return INBOX_OUT_OF_RANGE;
+    }
+    const double age = (double)(now_utime - signal->utime) / 1000.0;
+    return age < -self->limits.future_ms ? INBOX_FUTURE
+           : age > self->limits.drop_ms  ? INBOX_STALE
+                                         : INBOX_ACCEPTED;
+}
+
+static inbox_verdict signal_store(inbox* self, const verge_lane_signal_t* signal)
+{
+    uint32_t at = 0;
+    while (at < self->signal_count && self->signals[at].lane < signal->lane) {
+        ++at;
+    }
+    verge_lane_signal_t* held = &self->signals[at];
+    if (at < self->signal_count && held->lane == signal->lane) {
+        if (signal->utime < held->utime) {
+            return INBOX_OUT_OF_ORDER;
+        }
+    } else if (self->signal_count == INBOX_SIGNALS_MAX) {
+        return INBOX_OVER_CAPACITY;
+    } else {
+        memmove(held + 1, held, (self->signal_count - at) * sizeof *held);
+        ++self->signal_count;
+    }
+    *held = *signal;
+    return INBOX_ACCEPTED;
+}
+
+inbox_verdict inbox_offer_signal(inbox* self, const verge_lane_signal_t* signal, int64_t now_utime,
+                                 const verge_road* road)
+{
+    inbox_verdict verdict = signal_judge(self, signal, now_utime, road);
+    if (verdict == INBOX_ACCEPTED) {
+        verdict = signal_store(self, signal);
+    }
+    if (verdict != INBOX_ACCEPTED) { // rx_accepted counts states
+        verdict_count(&self->counters, verdict);
+    }
+    return verdict;
+}
+
+uint32_t inbox_signals(const inbox* self, int64_t utime, verge_signal signals[INBOX_SIGNALS_MAX])
+{
+    for (uint32_t i = 0; i < self->signal_count; ++i) {
+        const verge_lane_signal_t* held = &self->signals[i];
+        const bool   timed = held->change_utime != 0;
+        const double age = (double)(utime - held->utime) / 1000.0;
+        const double change = (double)(held->change_utime - utime) / 1e6;
+        const bool   unknown = timed ? change < 0.0 : age > self->limits.drop_ms;
+        signals[i] = (verge_signal){
+            .lane_id = held->lane,
+            .state = unknown && held->state != VERGE_SIGNAL_OFF ? VERGE_SIGNAL_RED
+                                                                : (verge_signal_state)held->state,
+            .change_s = timed && !unknown ? vg_min(change, 86400.0) : -1.0,
+        };
+    }
+    return self->signal_count;
 }
 
 const char* inbox_verdict_name(inbox_verdict verdict)
 {
     switch (verdict) {
     case INBOX_ACCEPTED: return "accepted";
+    case INBOX_VERSION: return "version";
+    case INBOX_OTHER_MAP: return "other_map";
     case INBOX_OUT_OF_RANGE: return "out_of_range";
     case INBOX_FUTURE: return "future";
     case INBOX_STALE: return "stale";
@@ -288,6 +409,8 @@ void inbox_fill_status(const inbox* self, const transport_stats* bus, verge_rsu_
     status->rx_over_capacity = capped(counters->rx_over_capacity);
     status->rx_id_conflict = capped(counters->rx_id_conflict);
     status->rx_dropped = capped(counters->rx_dropped + bus->dropped);
+    status->rx_version = capped(counters->rx_version);
+    status->rx_other_map = capped(counters->rx_other_map);
 }
 
 static inbox_slot* slot_of(inbox* self, int32_t id)
@@ -318,11 +441,22 @@ static inbox_slot* slot_free(inbox* self, int64_t now_utime)
     return forgotten;
 }
 
+/// 0: the sender does not state it.
+static bool is_known_version(int16_t version)
+{
+    return version == 0 || version == WIRE_PROTOCOL_VERSION;
+}
+
 /// All rules except the capacity.
 static inbox_verdict state_judge(inbox* self, const inbox_slot* slot,
                                  const verge_vehicle_state_t* state, inbox_source source,
                                  int64_t now_utime, const verge_road* road)
 {
+    // First: what the other fields mean is not known either.
+    if (!is_known_version(state->protocol_version)) {
+        self->fault_version = state->protocol_version;
+        return INBOX_VERSION;
+    }
     const char* fault = wire_state_check(state);
     if (fault != NULL) {
         self->fault_field = fault;
@@ -438,6 +572,8 @@ static void verdict_count(inbox_counters* counters, inbox_verdict verdict)
 {
     switch (verdict) {
     case INBOX_ACCEPTED: counters->rx_accepted += 1; break;
+    case INBOX_VERSION: counters->rx_version += 1; break;
+    case INBOX_OTHER_MAP: counters->rx_other_map += 1; break;
     case INBOX_OUT_OF_RANGE: counters->rx_out_of_range += 1; break;
     case INBOX_FUTURE: counters->rx_future += 1; break;
     case INBOX_STALE: counters->rx_stale += 1; break;

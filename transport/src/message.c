@@ -35,11 +35,21 @@ static const message_field action_fields[] = {
 #define ACTION(...) ROW(verge_plan_action_t, "actions.", __VA_ARGS__)
 #include "messages.def"
 };
+static const message_field pass_fields[] = {
+#define PASS(...) ROW(verge_plan_pass_t, "passes.", __VA_ARGS__)
+#include "messages.def"
+};
+static const message_field stop_fields[] = {
+#define STOP(...) ROW(verge_plan_stop_t, "stops.", __VA_ARGS__)
+#include "messages.def"
+};
 static const message_field point_fields[] = {
 #define POINT(...) ROW(verge_plan_point_t, "points.", __VA_ARGS__)
 #include "messages.def"
 };
 static const message_struct plan_action_t = TABLE(plan_action_t, action_fields);
+static const message_struct plan_pass_t = TABLE(plan_pass_t, pass_fields);
+static const message_struct plan_stop_t = TABLE(plan_stop_t, stop_fields);
 static const message_struct plan_point_t = TABLE(plan_point_t, point_fields);
 
 static const message_field state_fields[] = {
@@ -57,6 +67,11 @@ static const message_field status_fields[] = {
 #define STATUS(...) ROW(verge_rsu_status_t, "", __VA_ARGS__)
 #include "messages.def"
 };
+static const message_field signal_fields[] = {
+#define SIGNAL(...) ROW(verge_lane_signal_t, "", __VA_ARGS__)
+#include "messages.def"
+};
+static const message_struct lane_signal_t = TABLE(lane_signal_t, signal_fields);
 static const message_struct vehicle_state_t = TABLE(vehicle_state_t, state_fields);
 static const message_struct vehicle_plan_t = TABLE(vehicle_plan_t, plan_fields);
 static const message_struct rsu_status_t = TABLE(rsu_status_t, status_fields);

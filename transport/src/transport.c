@@ -198,6 +198,11 @@ int transport_publish_status(transport* bus, const verge_rsu_status_t* status)
     return publish(bus, backend_utime_now(), TRANSPORT_STATUS, status);
 }
 
+int transport_publish_signal(transport* bus, const verge_lane_signal_t* signal)
+{
+    return publish(bus, backend_utime_now(), TRANSPORT_SIGNAL, signal);
+}
+
 int transport_record(transport* bus, int64_t event_utime, const transport_message* message)
 {
     if (!bus->bus->keeps_time || message->kind == TRANSPORT_NONE) {

@@ -9,13 +9,18 @@
 #include <math.h>
 #include <string.h>
 
-static bool                continues(const verge_action_step* before,
-                                     const verge_action_step* step);
 static verge_plan_action_t action_from_step(const verge_action_step* step);
+static verge_action_step   step_from_action(const verge_plan_action_t* action);
+static void                write_order(verge_vehicle_plan_t* message,
+                                       const verge_vehicle_plan* plan);
 static int32_t             milliseconds(double seconds);
 
 #define LENGTH(type, array) (sizeof((type*)0)->array / sizeof((type*)0)->array[0])
 static_assert(LENGTH(verge_vehicle_plan_t, actions) == WIRE_ACTIONS_MAX, "as in messages.def");
+static_assert(LENGTH(verge_vehicle_plan_t, passes) == WIRE_PASSES_MAX, "as in messages.def");
+static_assert(LENGTH(verge_vehicle_plan_t, stops) == WIRE_STOPS_MAX, "as in messages.def");
+static_assert((int)WIRE_PASSES_MAX == (int)VERGE_PASSES_MAX, "every pass of a plan fits");
+static_assert(VERGE_WHY_COUNT == 22, "the range of why in messages.def");
 static_assert(LENGTH(verge_vehicle_plan_t, points) == WIRE_POINTS_MAX, "as in messages.def");
 
 const char* wire_state_check(const verge_vehicle_state_t* state)
@@ -44,6 +49,13 @@ const char* wire_plan_check(const verge_vehicle_plan_t* plan)
         }
     }
     return NULL;
+}
+
+const char* wire_signal_check(const verge_lane_signal_t* signal)
+{
+    const char* fault = message_check(TRANSPORT_SIGNAL, signal);
+    const bool  early = signal->change_utime != 0 && signal->change_utime < signal->utime;
+    return fault == NULL && early ? "change_utime" : fault;
 }
 
 verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state)
@@ -81,6 +93,7 @@ verge_vehicle_state_t wire_state_from_vehicle(const verge_vehicle* vehicle, verg
         .vehicle_id = vehicle->id,
         .sequence = sequence,
         .controlled = vehicle->controlled ? 1 : 0,
+        .protocol_version = WIRE_PROTOCOL_VERSION,
         .x = vehicle->x,
         .y = vehicle->y,
         .heading = (float)vehicle->heading,
@@ -105,20 +118,14 @@ verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
     verge_vehicle_plan_t message = wire_plan_cancelled(header, plan->vehicle_id, plan->reason);
     message.status = (int16_t)plan->status;
 
-    int32_t count = 0;
-    for (uint32_t i = 0; i < plan->action_count; ++i) {
-        const verge_action_step*  step = &plan->actions[i];
-        const verge_plan_action_t action = action_from_step(step);
-        if (i > 0 && continues(step - 1, step)) {
-            message.actions[count - 1].t1_ms = action.t1_ms;
-            message.actions[count - 1].speed = action.speed;
-        } else if (count < WIRE_ACTIONS_MAX) {
-            message.actions[count++] = action;
-        } else {
-            break;
-        }
+    const uint32_t actions = plan->action_count < WIRE_ACTIONS_MAX ? plan->action_count
+                                                                   : (uint32_t)WIRE_ACTIONS_MAX;
+    for (uint32_t i = 0; i < actions; ++i) {
+        message.actions[i] = action_from_step(&plan->actions[i]);
     }
-    message.action_count = count;
+    message.action_count = (int32_t)actions;
+    message.decided = (int16_t)plan->decided;
+    write_order(&message, plan);
 
     const uint32_t points = plan->point_count < WIRE_POINTS_MAX ? plan->point_count
                                                                 : (uint32_t)WIRE_POINTS_MAX;
@@ -134,8 +141,49 @@ verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
         };
     }
     message.point_count = (int32_t)points;
-    message.dt_ms = points > 1 ? milliseconds(plan->points[1].t - plan->points[0].t) : 0;
+    message.dt_ms = points > 1 ? (int16_t)milliseconds(plan->points[1].t - plan->points[0].t) : 0;
     return message;
+}
+
+/// What the vehicle waits for, and after whom it passes.
+static void write_order(verge_vehicle_plan_t* message, const verge_vehicle_plan* plan)
+{
+    assert(plan->pass_count <= WIRE_PASSES_MAX);
+    if (plan->why.code != VERGE_WHY_NONE) {
+        message->why = (int16_t)plan->why.code;
+        message->why_vehicle = plan->why.vehicle_id;
+        message->why_lane = plan->why.lane_id;
+    }
+    message->pass_count = (int32_t)plan->pass_count;
+    for (uint32_t i = 0; i < plan->pass_count; ++i) {
+        message->passes[i] = (verge_plan_pass_t){ .lane = plan->passes[i].lane_id,
+                                                  .after = plan->passes[i].after_id };
+    }
+}
+
+bool wire_decision_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_decision* decision)
+{
+    assert(wire_plan_check(plan) == NULL);
+
+    if (plan->action_count == 0 || plan->action_count > VERGE_STEPS_MAX) {
+        return false;
+    }
+    *decision = (verge_vehicle_decision){
+        .vehicle_id = plan->vehicle_id,
+        .step_count = (uint32_t)plan->action_count,
+        .why = { (verge_why)plan->why, plan->why_vehicle, plan->why_lane },
+        .pass_count = (uint32_t)plan->pass_count,
+    };
+    for (uint32_t i = 0; i < decision->step_count; ++i) {
+        decision->steps[i] = step_from_action(&plan->actions[i]);
+    }
+    decision->steps[0].action = (verge_action)plan->decided;
+    for (uint32_t i = 0; i < decision->pass_count; ++i) {
+        decision->passes[i] = (verge_pass){ .lane_id = plan->passes[i].lane,
+                                            .other_lane_id = VERGE_NO_LANE,
+                                            .after_id = plan->passes[i].after };
+    }
+    return true;
 }
 
 verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t vehicle_id,
@@ -151,6 +199,10 @@ verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t
         .state_utime = header->state_utime,
         .status = VERGE_CANCELLED,
         .reason = (int16_t)reason,
+        .protocol_version = WIRE_PROTOCOL_VERSION,
+        .map_crc32 = (int32_t)header->map_crc32,
+        .why_vehicle = -1,
+        .why_lane = VERGE_NO_LANE,
         .digest = (int64_t)header->digest,
     };
 }
@@ -184,6 +236,9 @@ bool wire_plan_rest(const verge_vehicle_plan_t* plan, int64_t utime, verge_vehic
     memset(rest->actions + rest->action_count, 0, (size_t)done * sizeof rest->actions[0]);
     for (int32_t i = 0; i < rest->action_count; ++i) {
         verge_plan_action_t* action = &rest->actions[i];
+        if (action->t0_ms < ms && action->t1_ms > ms) { // a part of the step is driven
+            action->distance *= (float)(action->t1_ms - ms) / (float)(action->t1_ms - action->t0_ms);
+        }
         action->t0_ms = action->t0_ms > ms ? action->t0_ms - ms : 0;
         action->t1_ms = action->t1_ms > ms ? action->t1_ms - ms : 0;
     }
@@ -228,22 +283,38 @@ const verge_plan_action_t* wire_action_at(const verge_vehicle_plan_t* plan, int6
     return found;
 }
 
-static bool continues(const verge_action_step* before, const verge_action_step* step)
-{
-    return before->action == step->action && before->lane_id == step->lane_id &&
-           before->brake_light == step->brake_light && before->turn_signal == step->turn_signal;
-}
-
 static verge_plan_action_t action_from_step(const verge_action_step* step)
 {
     return (verge_plan_action_t){
         .action = (int16_t)step->action,
-        .lane = step->lane_id,
         .brake_light = step->brake_light ? 1 : 0,
         .turn_signal = (int16_t)step->turn_signal,
+        .d_mm = (int16_t)(step->d < 0.0 ? step->d * 1000.0 - 0.5 : step->d * 1000.0 + 0.5),
+        .lane = step->lane_id,
         .t0_ms = milliseconds(step->t0),
         .t1_ms = milliseconds(step->t1),
+        .s = (float)step->s,
         .speed = (float)step->v,
+        .distance = (float)step->distance,
+    };
+}
+
+/// The numbers that verge_decision_round() had rounded.
+static verge_action_step step_from_action(const verge_plan_action_t* action)
+{
+    return (verge_action_step){
+        .action = (verge_action)action->action,
+        .lane_id = action->lane,
+        .t0 = (double)action->t0_ms / 1000.0,
+        .t1 = (double)action->t1_ms / 1000.0,
+        .s = (double)action->s,
+        .d = (double)action->d_mm / 1000.0,
+        .v = (double)action->speed,
+        .distance = (double)action->distance,
+        .brake_light = action->brake_light != 0,
+        .turn_signal = action->turn_signal,
+        .ahead_id = -1,
+        .behind_id = -1,
     };
 }
 

@@ -154,6 +154,12 @@ typedef struct verge_turns {
     verge_turn of[VERGE_VEHICLES_MAX];
 } verge_turns;
 
+/// Rounds the numbers of a decision to those that a plan message can hold: times to whole
+/// milliseconds, upwards; d to millimetres; s, v and distance to single precision. Who plans from
+/// rounded numbers and who plans from the message get the same trajectory, bit for bit.
+/// verge_planner_step() rounds its decision. A number that is not finite stays as it is.
+void verge_decision_round(verge_decision* decision);
+
 /// The last decision. The next one keeps its lane changes unless a better plan gains more than
 /// verge_planner_def.switch_margin. Zero-filled: there is no earlier decision. The caller keeps it
 /// from step to step; verge_decide() reads and replaces it. A commitment with counts beyond the

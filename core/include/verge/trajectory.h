@@ -133,6 +133,8 @@ typedef struct verge_vehicle_plan {
     verge_reason      reason;
     uint32_t          action_count;  ///< covers the decision horizon
     verge_action_step actions[VERGE_STEPS_MAX];
+    verge_action      decided;       ///< action of the first step in the decision, see
+                                     ///< verge_action_step; VERGE_KEEP_SPEED: there is none
     verge_cause       why;           ///< of waiting now, or of a change not made
     uint32_t          pass_count;    ///< conflict areas ahead whose order was decided
     verge_pass        passes[VERGE_PASSES_MAX];

@@ -78,6 +78,7 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
         memset(plan, 0, sizeof *plan);
         plan->action_count = decision->step_count;
         memcpy(plan->actions, decision->steps, decision->step_count * sizeof decision->steps[0]);
+        plan->decided = decision->steps[0].action;
         plan->why = decision->why;
         plan->pass_count = decision->pass_count;
         memcpy(plan->passes, decision->passes, decision->pass_count * sizeof decision->passes[0]);

@@ -13,7 +13,7 @@
 /// Senders     On each bus an id belongs to the first sender that uses it, until that sender is
 ///             silent for obstacle_ms. Senders of different buses are not compared: the same
 ///             vehicle may send on two buses.
-/// Memory      All in the struct (about 10 KiB); nothing allocates.
+/// Memory      All in the struct (about 20 KiB); nothing allocates.
 /// Threads     One at a time.
 /// Time        No clock is read. The same offers and snapshots in the same order give the same
 ///             views, bit for bit, so a recording of accepted states repeats the run.
@@ -61,6 +61,7 @@ const char* inbox_limits_check(const inbox_limits* limits);
 /// The result for an offered state. The rules are checked in the order of this list.
 typedef enum inbox_verdict {
     INBOX_ACCEPTED = 0,
+    INBOX_VERSION,       ///< a protocol_version that this program does not know
     INBOX_OUT_OF_RANGE,  ///< by wire_state_check()
     INBOX_FUTURE,        ///< utime more than future_ms ahead
     INBOX_STALE,         ///< older than drop_ms on arrival
@@ -71,6 +72,7 @@ typedef enum inbox_verdict {
     INBOX_ID_CONFLICT,   ///< same id, but a body that cannot be the same one (jump_m)
     INBOX_OFF_MAP,       ///< its centre lies on no lane; not checked for vehicles of inbox_placed()
     INBOX_OVER_CAPACITY, ///< a new vehicle, and no slot is free or forgotten
+    INBOX_OTHER_MAP,     ///< a signal of another road; a state of one is accepted, see inbox_set_map()
 } inbox_verdict;
 
 /// The rx_ fields of rsu_status_t. The bus counts rx_malformed and rx_dropped. rx_over_capacity also
@@ -81,9 +83,10 @@ typedef struct inbox_counters {
     uint64_t rx_out_of_range, rx_off_map, rx_over_capacity, rx_id_conflict, rx_dropped;
     uint64_t unknown_target; ///< states with a target lane that the road does not have
     uint64_t incomplete;     ///< states without heading or speed: of an obstacle, not to be planned
+    uint64_t rx_version, rx_other_map;
 } inbox_counters;
 
-enum { INBOX_BUSES_MAX = 4 };
+enum { INBOX_BUSES_MAX = 4, INBOX_SIGNALS_MAX = 256 };
 
 /// Bus and sender of a state. sender 0: unknown (a recording).
 typedef struct inbox_source {
@@ -110,7 +113,11 @@ typedef struct inbox {
     inbox_counters counters;
     const char*    fault_field; ///< of the last INBOX_OUT_OF_RANGE, for logs
     int32_t        lacking_id;  ///< the last vehicle with an unknown target or an incomplete state
+    int32_t        fault_version; ///< of the last INBOX_VERSION
+    uint32_t       map_crc32;   ///< of the road; 0: not known
     inbox_slot     slots[VERGE_VEHICLES_MAX];
+    uint32_t       signal_count;
+    verge_lane_signal_t signals[INBOX_SIGNALS_MAX]; ///< the last one of each lane, ascending
 } inbox;
 
 /// limits must pass inbox_limits_check(); 1 <= controlled_max <= vehicles_max <=
@@ -129,6 +136,23 @@ inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
 inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64_t now_utime,
                           const verge_road* road);
 
+/// Says which road this is. The target lane of a state that states another road is not used; the
+/// state itself is, and it counts as rx_other_map. 0, as at first: no state is compared.
+void inbox_set_map(inbox* self, uint32_t map_crc32);
+
+/// Offers the signal of a lane that was received. Its counters are those of states.
+inbox_verdict inbox_offer_signal(inbox* self, const verge_lane_signal_t* signal, int64_t now_utime,
+                                 const verge_road* road);
+
+/// What the signals show at an instant, ascending by lane; returns their number. A signal whose
+/// change has passed with no newer message is red, and so is one without a time of change that is
+/// silent for longer than drop_ms. A signal is never forgotten, but with the road.
+uint32_t inbox_signals(const inbox* self, int64_t utime, verge_signal signals[INBOX_SIGNALS_MAX]);
+
+/// Empties the inbox, for a clock that has stepped back or fewer slots. Limits, map and counters are
+/// kept. Signals are red until they are heard again.
+void inbox_forget(inbox* self, uint32_t vehicles_max, uint32_t controlled_max);
+
 /// Reports the vehicles that the last plan found on a lane; to be called before each snapshot, with
 /// count 0 if there was no plan. A state of a reported vehicle is not projected on the road when it
 /// arrives: the plan that uses it does that, at its own instant. The states of all other vehicles
@@ -143,6 +167,9 @@ void inbox_forget_senders(inbox* self);
 /// For a change of the road: forgets the vehicles that are off the new road, and target lanes that it
 /// lacks. No counter changes; planned vehicles that are forgotten get their cancellation in the next
 /// snapshot.
+/// For a change of the road: forgets the vehicles that are off the new road or have a target lane
+/// that it lacks, which the planner would refuse, and the signals of lanes that it lacks. No counter changes; planned vehicles get their
+/// cancellation in the next snapshot.
 void inbox_review(inbox* self, const verge_road* road);
 
 /// "accepted", "stale", ...: the name of the counter without rx_.
@@ -172,7 +199,7 @@ bool inbox_latest(const inbox* self, int32_t id, int64_t utime, verge_vehicle* v
 /// A vehicle's motion from its own instant to dt [s] later (or, dt < 0, earlier).
 void inbox_project(verge_vehicle* vehicle, double dt);
 
-/// Writes the eleven rx_ fields of a status, capped at INT32_MAX: those of the inbox and, for
+/// Writes the rx_ fields of a status, capped at INT32_MAX: those of the inbox and, for
 /// rx_malformed and rx_dropped, those of the bus. Messages that the bus refused count as malformed.
 void inbox_fill_status(const inbox* self, const transport_stats* bus, verge_rsu_status_t* status);
 

@@ -21,7 +21,7 @@
 ///             dds:N     DDS domain N, 0 to 230 (Cyclone DDS), if built in. Topics have the names
 ///                       of LCM's channels. States and statuses are best effort: of each vehicle
 ///                       (each unit) the newest message waits, older ones are dropped, and the
-///                       order between vehicles is not kept. Plans are sent again until they
+///                       order between vehicles is not kept. So it is with signals, by lane. Plans are sent again until they
 ///                       arrive or are replaced, for at most three seconds.
 ///             log:FILE  an LCM event log: a regular file to read, or any file to write if opened
 ///                       with TRANSPORT_RECORD. Written events are in the file at each mark and at
@@ -34,6 +34,7 @@
 #ifndef VERGE_TRANSPORT_H
 #define VERGE_TRANSPORT_H
 
+#include "verge_lane_signal_t.h"
 #include "verge_rsu_status_t.h"
 #include "verge_vehicle_plan_t.h"
 #include "verge_vehicle_state_t.h"
@@ -95,6 +96,7 @@ typedef enum transport_kind {
     TRANSPORT_STATE,  ///< VERGE_STATE, verge_vehicle_state_t
     TRANSPORT_PLAN,   ///< VERGE_PLAN, verge_vehicle_plan_t
     TRANSPORT_STATUS, ///< VERGE_STATUS, verge_rsu_status_t
+    TRANSPORT_SIGNAL, ///< VERGE_SIGNAL, verge_lane_signal_t
     TRANSPORT_MARK,   ///< VERGE_CYCLE, only in logs written by the daemon: a cycle or overrun mark
 } transport_kind;
 
@@ -103,12 +105,14 @@ enum {
     TRANSPORT_STATES = 1u << TRANSPORT_STATE,
     TRANSPORT_PLANS = 1u << TRANSPORT_PLAN,
     TRANSPORT_STATUSES = 1u << TRANSPORT_STATUS,
+    TRANSPORT_SIGNALS = 1u << TRANSPORT_SIGNAL,
     TRANSPORT_MARKS = 1u << TRANSPORT_MARK,
     /// Kinds that will be sent: dds: begins to discover their readers at open. The first messages
     /// of a kind that was not announced may not reach any reader.
     TRANSPORT_SENDS_STATES = 1u << (8 + TRANSPORT_STATE),
     TRANSPORT_SENDS_PLANS = 1u << (8 + TRANSPORT_PLAN),
     TRANSPORT_SENDS_STATUSES = 1u << (8 + TRANSPORT_STATUS),
+    TRANSPORT_SENDS_SIGNALS = 1u << (8 + TRANSPORT_SIGNAL),
     TRANSPORT_RECORD = 1u << 16, ///< log: only: create the file and write what is published
 };
 
@@ -130,6 +134,7 @@ typedef struct transport_message {
         verge_vehicle_state_t state;
         verge_vehicle_plan_t  plan;
         verge_rsu_status_t    status;
+        verge_lane_signal_t   signal;
         transport_mark        mark;
     } as;
 } transport_message;
@@ -214,6 +219,7 @@ bool transport_ended(const transport* bus);
 int  transport_publish_state(transport* bus, const verge_vehicle_state_t* state);
 int  transport_publish_plan(transport* bus, const verge_vehicle_plan_t* plan);
 int  transport_publish_status(transport* bus, const verge_rsu_status_t* status);
+int  transport_publish_signal(transport* bus, const verge_lane_signal_t* signal);
 /// log: when recording only: as above, for all kinds and marks, with the given time of the event.
 int  transport_record(transport* bus, int64_t event_utime, const transport_message* message);
 

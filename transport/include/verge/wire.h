@@ -13,7 +13,11 @@
 extern "C" {
 #endif
 
-enum { WIRE_ACTIONS_MAX = 10, WIRE_POINTS_MAX = 31 };
+enum { WIRE_ACTIONS_MAX = 7, WIRE_PASSES_MAX = 4, WIRE_STOPS_MAX = 3, WIRE_POINTS_MAX = 31 };
+
+/// The protocol_version of all messages: it counts changes of their meaning. Their form is told
+/// apart by LCM's fingerprint and by the size on DDS.
+enum { WIRE_PROTOCOL_VERSION = 1 };
 
 /// Null: every field of a state is in its range (verge.lcm). Otherwise the name of the first field
 /// that is not (static lifetime). Infinite values are always refused.
@@ -23,6 +27,9 @@ const char* wire_state_check(const verge_vehicle_state_t* state);
 /// is not cancelled has at least two points, one with points has a dt_ms of at least 1. Elements
 /// beyond the counts are ignored.
 const char* wire_plan_check(const verge_vehicle_plan_t* plan);
+
+/// Null: every field of a signal is in its range, and change_utime is 0 or not before utime.
+const char* wire_signal_check(const verge_lane_signal_t* signal);
 
 /// A checked state as input of the planner, at the state's own utime, without margin. cooperation
 /// NaN: that of the habit; heading, speed, acceleration NaN: 0. The weights are always those of the
@@ -44,13 +51,23 @@ typedef struct wire_plan_header {
     int32_t  cycle;
     int32_t  plans_in_cycle;
     uint64_t digest;            ///< verge_plan.digest
+    uint32_t map_crc32;         ///< wire_map_crc32() of the road
 } wire_plan_header;
 
-/// The message for one vehicle. Successive steps with the same action, lights and lane become one
-/// action, from the first t0 to the last t1, with the last speed. The first ten actions and the
-/// first 31 points are kept.
+/// The message for one vehicle: the first seven actions, the first 31 points. Its numbers are
+/// those of a plan that verge_planner_step() made: nothing of its actions is lost by rounding.
 verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
                                                  const verge_vehicle_plan* plan);
+
+/// The decision in a checked plan message, without what vehicles are ahead and behind, and without
+/// the other lanes of its passes. verge_plan_vehicle() makes of it the trajectory that the roadside
+/// unit made, to the last bit, if scene, tracks and last plan are the same. False: the message has
+/// no actions.
+bool wire_decision_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_decision* decision);
+
+/// The checksum of a road: zlib's CRC-32 over all that its definition states, lane by lane in the
+/// order of their ids, whatever file it was read from. Never 0.
+uint32_t wire_map_crc32(const verge_road_def* road);
 
 /// The message that withdraws a plan: status 3, no actions, no points.
 verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t vehicle_id,

@@ -5,11 +5,15 @@
 
 #include <math.h>
 
+enum { SAY_SIZE = 200 };
+
 static void search_write(FILE* out, const verge_search_report* search);
 static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double dt,
                           const char* line);
 static void status_write(FILE* out, const verge_vehicle_plan* vehicle);
-static void action_write(FILE* out, const verge_action_step* step);
+static void order_write(FILE* out, const verge_vehicle_plan* vehicle);
+static void changed_write(FILE* out, uint32_t changed);
+static void action_write(FILE* out, const verge_action_step* step, const char* say);
 static void cost_write(FILE* out, const verge_cost* cost);
 static void row_write(FILE* out, const double* values, uint32_t count);
 
@@ -67,10 +71,18 @@ static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double d
 {
     fprintf(out, "{\"id\":%d,", vehicle->vehicle_id);
     status_write(out, vehicle);
+    fprintf(out, ",%s", line);
+    order_write(out, vehicle);
     fprintf(out, ",%s\"actions\":[", line);
     for (uint32_t i = 0; i < vehicle->action_count; ++i) {
+        char say[SAY_SIZE];
+        if (i == 0) {
+            verge_plan_say(vehicle, say, sizeof say);
+        } else {
+            verge_action_say(&vehicle->actions[i], say, sizeof say);
+        }
         fprintf(out, "%s%s", i == 0 ? "" : ",", line);
-        action_write(out, &vehicle->actions[i]);
+        action_write(out, &vehicle->actions[i], say);
     }
     fprintf(out, "],%s\"trajectory\":{\"dt\":", line);
     number_write(out, dt);
@@ -99,7 +111,49 @@ static void status_write(FILE* out, const verge_vehicle_plan* vehicle)
     string_write(out, verge_reason_text(vehicle->reason));
 }
 
-static void action_write(FILE* out, const verge_action_step* step)
+static void id_write(FILE* out, const char* key, int32_t id)
+{
+    fprintf(out, id < 0 ? ",\"%s\":null" : ",\"%s\":%d", key, id);
+}
+
+/// Why it waits, after whom it passes, and what is new.
+static void order_write(FILE* out, const verge_vehicle_plan* vehicle)
+{
+    char say[SAY_SIZE];
+    if (vehicle->why.code == VERGE_WHY_NONE) {
+        fputs("\"why\":null", out);
+    } else {
+        verge_cause_say(&vehicle->why, say, sizeof say);
+        fprintf(out, "\"why\":{\"code\":\"%s\",\"text\":", verge_why_name(vehicle->why.code));
+        string_write(out, say);
+        id_write(out, "vehicle", vehicle->why.vehicle_id);
+        id_write(out, "area", vehicle->why.lane_id);
+        fputc('}', out);
+    }
+    fputs(",\"passes\":[", out);
+    for (uint32_t i = 0; i < vehicle->pass_count; ++i) {
+        const verge_pass* pass = &vehicle->passes[i];
+        fprintf(out, "%s{\"area\":[%d,%d],\"after\":%d}", i == 0 ? "" : ",", pass->lane_id,
+                pass->other_lane_id, pass->after_id);
+    }
+    fputs("],\"changed\":[", out);
+    changed_write(out, vehicle->changed);
+    fputc(']', out);
+}
+
+static void changed_write(FILE* out, uint32_t changed)
+{
+    static const char* const names[] = { "first", "status", "action", "why", "order" };
+    const char* comma = "";
+    for (uint32_t i = 0; i < sizeof names / sizeof names[0]; ++i) {
+        if ((changed >> i & 1u) != 0) {
+            fprintf(out, "%s\"%s\"", comma, names[i]);
+            comma = ",";
+        }
+    }
+}
+
+static void action_write(FILE* out, const verge_action_step* step, const char* say)
 {
     const struct { const char* name; double value; } fields[] = {
         { "s", step->s }, { "d", step->d }, { "v", step->v },
@@ -115,8 +169,6 @@ static void action_write(FILE* out, const verge_action_step* step)
     }
     fprintf(out, ",\"brake_light\":%s,\"turn_signal\":\"%s\",\"say\":",
             step->brake_light ? "true" : "false", turn_signal_name(step->turn_signal));
-    char say[160];
-    verge_action_say(step, say, sizeof say);
     string_write(out, say);
     fputc('}', out);
 }

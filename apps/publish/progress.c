@@ -79,8 +79,8 @@ static void plan_print(double time, const verge_vehicle_plan_t* message,
         printf(" %s", verge_action_name(plan->actions[i].action));
     }
     if (plan->action_count > 0) {
-        char say[160];
-        verge_action_say(&plan->actions[0], say, sizeof say);
+        char say[200];
+        verge_plan_say(plan, say, sizeof say);
         const verge_action_step* last = &plan->actions[plan->action_count - 1];
         printf("  (%s; lane %d, %.1f m/s in %.1f s)", say, last->lane_id, last->v, last->t1);
     }

@@ -1,4 +1,4 @@
-/// Texts of statuses, actions and reasons; habits; defaults of vehicles.
+/// Texts of statuses and reasons; habits; defaults of vehicles. Sentences: say.c.
 
 #include "verge/plan.h"
 
@@ -40,35 +40,6 @@ const char* verge_reason_text(verge_reason reason)
     case VERGE_REASON_STALE: return "the vehicle's state is too old";
     }
     return "unknown reason";
-}
-
-const char* verge_why_text(verge_why code)
-{
-    static const char* const texts[VERGE_WHY_COUNT] = {
-        [VERGE_WHY_NONE] = "nothing holds it back",
-        [VERGE_WHY_LEADER] = "a vehicle ahead",
-        [VERGE_WHY_AREA] = "another vehicle crosses first",
-        [VERGE_WHY_EXIT] = "no room behind the crossing, which stays clear",
-        [VERGE_WHY_MERGE] = "another vehicle merges first",
-        [VERGE_WHY_LANE_END] = "the lane ends",
-        [VERGE_WHY_SIGNAL] = "the signal is not green",
-        [VERGE_WHY_STOP_LINE] = "a stop line",
-        [VERGE_WHY_YIELD] = "another vehicle has priority",
-        [VERGE_WHY_OBSTACLE] = "a standing vehicle in the way",
-        [VERGE_WHY_ONCOMING] = "a vehicle that comes towards it",
-        [VERGE_WHY_HUMAN] = "a vehicle that may do one thing or another",
-        [VERGE_WHY_ROOM_AHEAD] = "no room ahead of it in the other lane",
-        [VERGE_WHY_ROOM_BEHIND] = "no room behind it in the other lane",
-        [VERGE_WHY_BORDER] = "no lane change is allowed here",
-        [VERGE_WHY_FREEZE] = "a lane change has just ended",
-        [VERGE_WHY_BEND] = "a bend",
-        [VERGE_WHY_GAP] = "a gap has to open first",
-        [VERGE_WHY_UNREACHABLE] = "the target lane cannot be reached from here",
-        [VERGE_WHY_BLOCKED] = "blocked",
-        [VERGE_WHY_FALLBACK] = "no acceptable trajectory",
-        [VERGE_WHY_OFF_ROAD] = "it is on no lane",
-    };
-    return (unsigned)code < VERGE_WHY_COUNT ? texts[code] : "unknown reason";
 }
 
 const char* verge_priority_name(verge_priority priority)
@@ -131,60 +102,4 @@ verge_body verge_vehicle_body(const verge_vehicle* vehicle)
     }
     return vehicle->body.length > 0.0 ? vehicle->body
                                       : verge_body_by_size(vehicle->length, vehicle->width);
-}
-
-// A string in a buffer of fixed size; text that does not fit is cut.
-typedef struct sentence {
-    char*  text;
-    size_t size, used;
-} sentence;
-
-static void append(sentence* to, const char* words)
-{
-    for (; *words != '\0' && to->used + 1 < to->size; ++words) {
-        to->text[to->used++] = *words;
-    }
-}
-
-static void append_id(sentence* to, int32_t id)
-{
-    char digits[12];
-    size_t first = sizeof digits - 1;
-    digits[first] = '\0';
-    uint32_t rest = id < 0 ? 0u : (uint32_t)id;
-    do {
-        digits[--first] = (char)('0' + rest % 10u);
-        rest /= 10u;
-    } while (rest != 0u);
-    append(to, &digits[first]);
-}
-
-static void append_neighbour(sentence* to, const char* relation, int32_t id)
-{
-    append(to, relation);
-    append(to, " vehicle ");
-    append_id(to, id);
-}
-
-size_t verge_action_say(const verge_action_step* step, char* text, size_t size)
-{
-    sentence to = { text, size, 0 };
-    if (size == 0 || text == NULL) {
-        return 0;
-    }
-    if (step == NULL) {
-        text[0] = '\0';
-        return 0;
-    }
-    const bool known = (unsigned)step->action < VERGE_ACTION_COUNT;
-    const bool changing = known && vg_action_changes_lane(step->action);
-    append(&to, known ? vg_actions[step->action].words : "unknown action");
-    if (step->ahead_id >= 0) {
-        append_neighbour(&to, " behind", step->ahead_id);
-    }
-    if (changing && step->behind_id >= 0) {
-        append_neighbour(&to, step->ahead_id >= 0 ? ", ahead of" : " ahead of", step->behind_id);
-    }
-    text[to.used] = '\0';
-    return to.used;
 }

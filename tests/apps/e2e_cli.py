@@ -74,6 +74,13 @@ def check_plan(plan, scenario):
         for action in actions:
             assert action["action"] in ("KS", "AC", "DC", "LCL", "LCR")
             assert action["turn_signal"] in ("left", "none", "right") and action["say"]
+        why = vehicle["why"]
+        assert why is None or (set(why) == {"code", "text", "vehicle", "area"} and why["text"]), why
+        stands = any(point[4] < 0.3 for point in vehicle["trajectory"]["points"][:10])
+        assert why is not None or not stands, f"vehicle {vehicle['id']} stands without a reason"
+        assert all(set(one) == {"area", "after"} and one["after"] != vehicle["id"]
+                   for one in vehicle["passes"]) and len(vehicle["passes"]) <= 4
+        assert set(vehicle["changed"]) <= {"first", "status", "action", "why", "order"}
         for k, point in enumerate(trajectory["points"]):
             assert len(point) == 8 and all(isinstance(p, (int, float)) for p in point), point
             assert abs(point[0] - k * trajectory["dt"]) < 1e-9

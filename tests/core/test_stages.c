@@ -250,7 +250,7 @@ static void the_reason_and_the_passes_of_a_decision_go_to_its_plan(void** state)
     (void)state;
     place_three(&one, 10.0);
     verge_vehicle_decision* own = keep(&one, 10.0);
-    own->why = (verge_cause){ VERGE_WHY_MERGE, 7, 11 };
+    own->why = (verge_cause){ VERGE_WHY_MERGE, 7, 11, 0 };
     own->pass_count = VERGE_PASSES_MAX;
     for (int32_t i = 0; i < VERGE_PASSES_MAX; ++i) {
         own->passes[i] = (verge_pass){ 10, 11, 5 + i };

@@ -31,6 +31,7 @@ VALID = {
     "const verge_decision*": "&decision", "verge_decision*": "&decision",
     "verge_commitment*": "&commitment",
     "const verge_planner_def*": "&def",
+    "const verge_cause*": "&decided[0].why",
     "verge_decider**": "&made_decider", "verge_decider*": "decider", "const verge_decider*": "decider",
     "verge_planner**": "&made_planner", "verge_planner*": "planner", "const verge_planner*": "planner",
     "verge_predictor**": "&made_predictor", "verge_predictor*": "predictor",

@@ -571,7 +571,7 @@ static void test_each_decision_step_is_an_action_and_the_first_seven_are_kept(vo
         plan.actions[i].distance = 5.5 + i;
     }
     plan.decided = VERGE_ACCELERATE;
-    plan.why = (verge_cause){ VERGE_WHY_MERGE, 12, 4 };
+    plan.why = (verge_cause){ VERGE_WHY_MERGE, 12, 4, 0 };
     plan.pass_count = 2;
     plan.passes[1] = (verge_pass){ 4, 6, 12 };
 

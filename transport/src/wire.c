@@ -171,7 +171,7 @@ bool wire_decision_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_dec
     *decision = (verge_vehicle_decision){
         .vehicle_id = plan->vehicle_id,
         .step_count = (uint32_t)plan->action_count,
-        .why = { (verge_why)plan->why, plan->why_vehicle, plan->why_lane },
+        .why = { (verge_why)plan->why, plan->why_vehicle, plan->why_lane, 0 },
         .pass_count = (uint32_t)plan->pass_count,
     };
     for (uint32_t i = 0; i < decision->step_count; ++i) {

@@ -73,6 +73,9 @@ typedef enum verge_why {
 } verge_why;
 enum { VERGE_WHY_COUNT = 22 };
 
+/// "leader", "area", ...: the word for a code in files; "??" for another value.
+const char* verge_why_name(verge_why code);
+
 /// A few words for a code ("no room behind it in the lane"), never null; static lifetime.
 const char* verge_why_text(verge_why code);
 
@@ -81,7 +84,13 @@ typedef struct verge_cause {
     verge_why code;
     int32_t   vehicle_id; ///< -1: none. Ignored with VERGE_WHY_NONE
     int32_t   lane_id;    ///< VERGE_NO_LANE: none. Ignored with VERGE_WHY_NONE
+    int32_t   side;       ///< the lane runs on the left (1) or on the right (-1); 0: neither, or not
+                          ///< known. For words
 } verge_cause;
+
+/// Writes a cause in words ("left lane: no room behind vehicle 7"): at most size bytes, always
+/// null-terminated; nothing for VERGE_WHY_NONE. Returns the length without the terminator.
+size_t verge_cause_say(const verge_cause* cause, char* text, size_t size);
 
 /// One conflict area ahead of a vehicle, and the vehicle that passes it directly before.
 typedef struct verge_pass {

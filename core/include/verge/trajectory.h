@@ -125,6 +125,15 @@ typedef struct verge_cost {
     double total, curvature, heading, offset, acceleration, jerk, obstacle;
 } verge_cost;
 
+/// What differs from the vehicle's last plan (bits).
+enum {
+    VERGE_CHANGED_FIRST = 1u << 0,  ///< there is no last plan
+    VERGE_CHANGED_STATUS = 1u << 1,
+    VERGE_CHANGED_ACTION = 1u << 2, ///< the present action
+    VERGE_CHANGED_WHY = 1u << 3,    ///< reason, vehicle or lane
+    VERGE_CHANGED_ORDER = 1u << 4,  ///< after whom it passes the areas ahead
+};
+
 /// The plan of one vehicle: its actions and its trajectory.
 typedef struct verge_vehicle_plan {
     int32_t           vehicle_id;
@@ -136,6 +145,7 @@ typedef struct verge_vehicle_plan {
     verge_action      decided;       ///< action of the first step in the decision, see
                                      ///< verge_action_step; VERGE_KEEP_SPEED: there is none
     verge_cause       why;           ///< of waiting now, or of a change not made
+    uint32_t          changed;       ///< VERGE_CHANGED_FIRST and its like
     uint32_t          pass_count;    ///< conflict areas ahead whose order was decided
     verge_pass        passes[VERGE_PASSES_MAX];
     uint32_t          point_count;   ///< covers the planning horizon, point 0 at t = 0
@@ -144,6 +154,11 @@ typedef struct verge_vehicle_plan {
     int32_t           change_lane_id; ///< lane that the trajectory changes to, or VERGE_NO_LANE
     double            change_end;     ///< [s] end of that lane change, from utime
 } verge_vehicle_plan;
+
+/// Writes what the vehicle does now and what it waits for ("keeping speed behind vehicle 4; left
+/// lane: no room behind vehicle 7"): at most size bytes, always null-terminated. Returns the length
+/// without the terminator.
+size_t verge_plan_say(const verge_vehicle_plan* plan, char* text, size_t size);
 
 typedef struct verge_sampler verge_sampler;
 

@@ -15,6 +15,10 @@
 
 #include <string.h>
 
+// A vehicle brakes for a wall of the order from where this braking reaches it. [m/s^2], [m]
+static const float wall_braking = 1.0f;
+static const float wall_reach = 4.0f;
+
 struct verge_decider {
     verge_planner_def def;
     vg_tree*  tree;
@@ -246,6 +250,21 @@ static verge_action_step step_of(const verge_decider* self, const verge_scene* s
     };
 }
 
+// What a vehicle waits for: a wall of the order that is so near that it has to brake for it.
+static verge_cause why_of(const verge_decider* self, const verge_scene* scene, uint32_t slot)
+{
+    verge_cause cause = { .code = VERGE_WHY_NONE, .vehicle_id = -1, .lane_id = VERGE_NO_LANE };
+    const vg_wall wall = vg_order_wall_why(self->model, &self->flows[0], slot);
+    const float v = self->flows[0].v[slot];
+    const float gap = wall.distance - self->model->half_length[slot];
+    if (wall.why != VERGE_WHY_NONE && gap <= wall_reach + v * v * (0.5f / wall_braking)) {
+        cause.code = wall.why;
+        cause.vehicle_id = id_of(self, scene, wall.slot);
+        cause.lane_id = wall.lane < 0 ? VERGE_NO_LANE : scene->road->lanes[wall.lane].id;
+    }
+    return cause;
+}
+
 // Simulates the decided actions and writes the state of each vehicle after each step.
 static void write_steps(verge_decider* self, const verge_scene* scene,
                         const vg_joint_actions* sequence, verge_decision* decision)
@@ -258,8 +277,7 @@ static void write_steps(verge_decider* self, const verge_scene* scene,
         decision->vehicles[slot].step_count = sequence->step_count;
         decision->vehicles[slot].pass_count =
             vg_order_passes(self->model, scene, slot, decision->vehicles[slot].passes);
-        decision->vehicles[slot].why = (verge_cause){ .vehicle_id = -1, .lane_id = VERGE_NO_LANE };
-        decision->vehicles[slot].pass_count = 0;
+        decision->vehicles[slot].why = why_of(self, scene, slot);
     }
     for (uint32_t t = 0; t < sequence->step_count; ++t) {
         const vg_flow* before = &self->flows[t % 2u];

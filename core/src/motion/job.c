@@ -6,6 +6,7 @@
 #include "base/stage.h"
 #include "motion/segments.h"
 #include "motion/trailer.h"
+#include "motion/why.h"
 #include "traffic/flow.h"
 
 #include <string.h>
@@ -388,6 +389,8 @@ verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const 
     vg_vehicle_plan_trajectory(self->workspace, &self->job, tracks, plan);
     self->candidates += self->workspace->evaluated;
     vg_job_end(&self->job, self->workspace, plan);
+    vg_why_fill(scene, (uint32_t)index, plan);
+    vg_why_compare(plan, before);
     return VERGE_OK;
 }
 

@@ -147,10 +147,100 @@ static void while_it_stands_it_keeps_its_heading(void** state)
     free(at.memory);
 }
 
+/// A decision that changes to the left lane at walking speed, one half of the lane a step.
+static void decide_change(const verge_scene* scene, uint32_t index, verge_vehicle_decision* to)
+{
+    const verge_lane_position* at = &scene->positions[index];
+    double v = scene->vehicles[index].speed, s = at->s, y = WIDTH * at->lane_id + at->d;
+    memset(to, 0, sizeof *to);
+    to->vehicle_id = scene->vehicles[index].id;
+    for (uint32_t t = 0; t < 4; ++t) {
+        const bool there = y > WIDTH - 0.1;
+        const double v1 = fmin(v + 1.5, 2.5), way = 0.75 * (v + v1);
+        y = there ? WIDTH : fmin(y + fmin(1.75, 0.7 * way), WIDTH);
+        s += way;
+        v = v1;
+        to->steps[to->step_count++] = (verge_action_step){
+            .action = there ? VERGE_KEEP_SPEED : VERGE_CHANGE_LEFT, .lane_id = y > 0.5 * WIDTH,
+            .t0 = 1.5 * t, .t1 = 1.5 * (t + 1), .s = s, .d = y > 0.5 * WIDTH ? y - WIDTH : y,
+            .v = v, .distance = way, .ahead_id = -1, .behind_id = -1 };
+    }
+}
+
+/// The stages of a trajectory, for decisions by hand.
+typedef struct by_hand {
+    verge_scene         scene;
+    verge_vehicle       vehicles[2];
+    verge_lane_position positions[2];
+    verge_tracks        tracks;
+    verge_track         of[2];
+    verge_predictor*    predictor;
+    verge_sampler*      sampler;
+    void*               memory[2];
+} by_hand;
+
+static void by_hand_open(by_hand* self, const site* at)
+{
+    memset(self, 0, sizeof *self);
+    self->scene = verge_scene_make(verge_planner_road(at->planner), self->vehicles,
+                                   self->positions, 2);
+    self->tracks = verge_tracks_make(self->of, 2);
+    const size_t sizes[2] = { verge_predictor_memory_size(&at->def),
+                              verge_sampler_memory_size(&at->def) };
+    for (int i = 0; i < 2; ++i) {
+        self->memory[i] = aligned_alloc(64, (sizes[i] + 63) / 64 * 64);
+    }
+    assert_int_equal(verge_predictor_init(&self->predictor, &at->def, self->memory[0], sizes[0]),
+                     VERGE_OK);
+    assert_int_equal(verge_sampler_init(&self->sampler, &at->def, self->memory[1], sizes[1]),
+                     VERGE_OK);
+}
+
+/// From 3.7 m behind a standing vehicle on, a change that is decided comes out beside it.
+static void close_behind_a_standing_body_it_comes_out_beside_it(void** state)
+{
+    (void)state;
+    const site at = site_make(2, 0.0);
+    by_hand stages;
+    by_hand_open(&stages, &at);
+    for (double gap = 3.7; gap < 15.0; gap += 0.7) {
+        verge_vehicle vehicles[2] = { standing(&at, 40.0, 0.0, 0.0),
+                                      standing(&at, 44.8 + gap, 0.0, 0.0) };
+        vehicles[0].controlled = true;
+        vehicles[1].id = 2;
+        static verge_vehicle_plan plan, before;
+        before = (verge_vehicle_plan){ .vehicle_id = -1 };
+        for (int64_t cycle = 0; cycle < 30; ++cycle) {
+            verge_vehicle_decision own;
+            assert_int_equal(verge_scene_place(&stages.scene, 500000 * cycle, vehicles, 2, NULL),
+                             VERGE_OK);
+            decide_change(&stages.scene, 0, &own);
+            verge_decision decision = verge_decision_make(&own, 1);
+            decision.vehicle_count = 1;
+            assert_int_equal(verge_predict(stages.predictor, &stages.scene, &decision,
+                                           &stages.tracks), VERGE_OK);
+            assert_int_equal(verge_plan_vehicle(stages.sampler, &stages.scene, &own,
+                                                &stages.tracks, &before, &plan), VERGE_OK);
+            assert_int_equal(plan.status, VERGE_PLANNED);
+            before = plan;
+            drive_on(&plan, &vehicles[0]);
+            assert_false(verge_vehicles_overlap(&vehicles[0], &vehicles[1]));
+        }
+        if (vehicles[0].x < vehicles[1].x + 4.8) {
+            fail_msg("gap %.1f: at %.1f, %.1f, turned by %.2f", gap, vehicles[0].x, vehicles[0].y,
+                     vehicles[0].heading);
+        }
+    }
+    free(stages.memory[0]);
+    free(stages.memory[1]);
+    free(at.memory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(turned_against_its_lane_it_comes_back_and_drives_on),
+        cmocka_unit_test(close_behind_a_standing_body_it_comes_out_beside_it),
         cmocka_unit_test(while_it_stands_it_keeps_its_heading),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

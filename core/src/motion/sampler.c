@@ -5,7 +5,8 @@
 /// Attempts, until one succeeds: as decided; in the present lane for the whole horizon; both again
 /// without the limits of normal driving; the fallback. A decision that brakes harder than normal
 /// driving does begins without these limits. A slow vehicle that is turned against its
-/// lane straightens out before all these (straighten.h).
+/// lane straightens out before all these, and one that stands close behind another one comes out
+/// beside it where these would leave it standing (straighten.h).
 #include "motion/sampler.h"
 
 #include "motion/contact.h"
@@ -21,6 +22,8 @@ enum {
 };
 /// Below this speed brakes may be released faster than the jerk limit. [m/s]
 static const double jolt_speed = 0.5;
+/// A slower vehicle stands. [m/s]
+static const double standing = 0.3;
 /// An end speed decided below the comfortable ones by this much is meant. [m/s]
 static const double hard_from = 1.0;
 /// Braking before the end of a lane without the limits of normal driving, on a dry road. [m/s^2]
@@ -35,7 +38,9 @@ typedef struct chain {
     bool emergency;
 } chain;
 
+static bool plan_sampled(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 static bool attempt_chains(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
+static bool remains_standing(const vg_workspace* ws, const vg_job* job);
 static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* segments,
                        uint32_t count);
 static bool plan_rest(vg_workspace* ws, const chain* chain, const vg_segment* segments,
@@ -74,10 +79,7 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
         vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OVERLAP_NOW);
         return;
     }
-    ws->keeps_lane = true;
-    const bool found = (vg_straighten_applies(ws, job) && vg_straighten(ws, job, tracks))
-                       || attempt_chains(ws, job, tracks);
-    if (!found) {
+    if (!plan_sampled(ws, job, tracks)) {
         const vg_refusals* r = &ws->refusals;
         const verge_reason reason = r->overlap        ? VERGE_REASON_OVERLAP_NOW
                                     : r->uncontrolled ? VERGE_REASON_COLLISION
@@ -90,6 +92,30 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
     plan->status = ws->refusals.overlap ? VERGE_FALLBACK_KEEP_LANE : VERGE_PLANNED;
     plan->reason = ws->refusals.overlap ? VERGE_REASON_OVERLAP_NOW : VERGE_REASON_NONE;
     vg_workspace_emit(ws, job, plan);
+}
+
+/// A trajectory that is no fallback.
+static bool plan_sampled(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
+{
+    const uint32_t lane = vg_straighten_lane(job);
+    if (vg_straighten_applies(ws, job) && vg_straighten(ws, job, tracks, lane)) {
+        ws->keeps_lane = lane == job->lane;
+        return true;
+    }
+    const bool found = attempt_chains(ws, job, tracks);
+    const bool leaves = found && !ws->keeps_lane && !remains_standing(ws, job);
+    if (lane == job->lane || leaves || !vg_straighten_can(ws, job)) {
+        return found;
+    }
+    ws->keeps_lane = false;
+    return vg_straighten(ws, job, tracks, lane) || (found && attempt_chains(ws, job, tracks));
+}
+
+/// Does the trajectory stand, or come to a stand, although the decision drives on?
+static bool remains_standing(const vg_workspace* ws, const vg_job* job)
+{
+    return ws->motion[job->def->points - 1].speed < standing
+           && job->segments[job->segment_count - 1].v > 2.0 * standing;
 }
 
 /// Does the decision brake in its first segment harder than the comfortable jerk allows? Its end

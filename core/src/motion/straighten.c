@@ -24,15 +24,23 @@ static const double steer_share = 0.8;
 static const double steer_lag_s = 0.15;
 /// Heading towards the centre of the lane, per metre beside it. [rad/m]
 static const double approach = 0.25;
-static const double approach_most = 0.5; // [rad]
+/// Largest heading towards it, the smaller one first: a body close ahead needs the larger. [rad]
+static const double approaches[] = { 0.5, 0.9 };
+/// A change that begins later than this is not begun yet. [s]
+static const double begins_within = 1.6;
 /// Free space that a corner may take beyond the lane, and beyond where it is now. [m]
 static const double swing_most = 0.3;
 static const double step_s = 0.01; // [s] of the simulation, at most
+/// Time after the horizon for which the way is looked at, and what stands there. [s], [m/s]
+static const double later_s = 6.0;
+static const double standing = 0.5;
+#define COUNT(array) (sizeof(array) / sizeof(array)[0])
 
 /// The vehicle at one instant of the simulation, by its rear axle.
 typedef struct driver {
     const vg_path*   path;
     const vg_limits* limits;
+    double approach_most;            // [rad]
     double x, y, heading, s;         // s: coordinate on the path
     double speed, acceleration;
     double curvature, curvature_t;
@@ -40,20 +48,40 @@ typedef struct driver {
 } driver;
 
 static double heading_off(const vg_reference* line, double heading);
-static driver begin(vg_workspace* ws, const vg_job* job);
+static driver begin(vg_workspace* ws, const vg_job* job, uint32_t lane);
 static void advance(driver* self, double speed_max, double h);
 static void set_rear(driver* self);
-static bool simulate(vg_workspace* ws, const vg_job* job, double speed_max);
-static bool swings_out(const vg_workspace* ws, const vg_job* job);
+static bool simulate(vg_workspace* ws, const vg_job* job, driver* now, double speed_max);
+static bool swings_out(const vg_workspace* ws, const vg_job* job, const driver* from,
+                       uint32_t lane);
+static bool goes_on(driver* now, const vg_workspace* ws, const vg_job* job,
+                    const verge_tracks* tracks, double speed_max);
 static bool touches(const vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
+
+uint32_t vg_straighten_lane(const vg_job* job)
+{
+    for (uint32_t i = 0; i < job->segment_count && job->segments[i].t0 < begins_within; ++i) {
+        const vg_lane* here = &job->road->lanes[job->lane];
+        const verge_action action = job->segments[i].action;
+        const int32_t beside = action == VERGE_CHANGE_LEFT ? here->left : here->right;
+        if (vg_action_changes_lane(action) && beside >= 0) {
+            return (uint32_t)beside;
+        }
+    }
+    return job->lane;
+}
+
+bool vg_straighten_can(const vg_workspace* ws, const vg_job* job)
+{
+    return job->on_road && ws->start.speed <= speed_most && vg_workspace_bodies(ws) == 1;
+}
 
 bool vg_straighten_applies(vg_workspace* ws, const vg_job* job)
 {
-    if (!job->on_road || ws->start.speed > speed_most || vg_workspace_bodies(ws) > 1
-        || vg_action_changes_lane(job->segments[0].action)) {
+    if (!vg_straighten_can(ws, job)) {
         return false;
     }
-    const driver at = begin(ws, job);
+    const driver at = begin(ws, job, job->lane);
     const vg_reference line = vg_path_at(at.path, at.s);
     const double off = vg_abs(heading_off(&line, at.heading));
     return off <= turned_most
@@ -62,26 +90,31 @@ bool vg_straighten_applies(vg_workspace* ws, const vg_job* job)
 }
 
 /// Speed at the end that the decision and the bodies ahead allow. [m/s]
-static double speed_allowed(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
+static double speed_allowed(const driver* at, const vg_job* job, const verge_tracks* tracks)
 {
     const verge_planner_def* def = job->def;
-    const driver at = begin(ws, job);
     const uint32_t last = def->points - 1;
-    const vg_following ahead = { at.path, tracks, job->track_index, ws->limits.rear_axle, 0, last,
+    const vg_following ahead = { at->path, tracks, job->track_index, at->limits->rear_axle, 0, last,
                                  def->point_s * last, def->idm_gap, def->clearance, 0.0 };
-    const vg_state state = { .s = at.s, .s_t = at.speed, .s_tt = at.acceleration };
+    const vg_state state = { .s = at->s, .s_t = at->speed, .s_tt = at->acceleration };
     const double follow = vg_follow_speed(&ahead, &state, VG_FOLLOW_BRAKING);
     return vg_max(vg_min(job->segments[job->segment_count - 1].v, follow), 0.0);
 }
 
-bool vg_straighten(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
+bool vg_straighten(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks, uint32_t lane)
 {
-    VERGE_ASSERT(job->segment_count > 0);
-    const double allowed = speed_allowed(ws, job, tracks);
-    for (uint32_t i = 0; i < sizeof speeds / sizeof speeds[0]; ++i) {
-        const double walking = i == 0 ? vg_max(speeds[i], ws->start.speed) : speeds[i];
-        if (simulate(ws, job, vg_min(walking, allowed)) && !swings_out(ws, job)
-            && !touches(ws, job, tracks)) {
+    VERGE_ASSERT(job->segment_count > 0 && lane < job->road->lane_count);
+    const driver from = begin(ws, job, lane);
+    const double allowed = speed_allowed(&from, job, tracks);
+    for (uint32_t i = 0; i < COUNT(approaches) * COUNT(speeds); ++i) {
+        driver now = from;
+        now.approach_most = approaches[i / COUNT(speeds)];
+        const double speed = speeds[i % COUNT(speeds)];
+        const double walking = i == 0 ? vg_max(speed, from.speed) : speed;
+        const double speed_max = vg_min(walking, allowed);
+        if (simulate(ws, job, &now, speed_max) && !swings_out(ws, job, &from, lane)
+            && !touches(ws, job, tracks) && goes_on(&now, ws, job, tracks, speed_max)) {
+            ws->lateral_end = job->def->point_s * (job->def->points - 1);
             ws->cost = vg_motion_cost(ws->motion, ws->limits.rear_axle, job->def,
                                       &job->vehicle->habit.weights, tracks, job->track_index);
             return true;
@@ -99,14 +132,17 @@ static double heading_off(const vg_reference* line, double heading)
                     cosine * line->cos_heading + sine * line->sin_heading);
 }
 
-static driver begin(vg_workspace* ws, const vg_job* job)
+static driver begin(vg_workspace* ws, const vg_job* job, uint32_t lane)
 {
-    const vg_path* path = vg_workspace_path(ws, job, job->lane, NULL);
+    const vg_path* path = vg_workspace_path(ws, job, lane, NULL);
     const vg_motion* start = &ws->start;
     const double most = ws->limits.curvature_max;
+    const vg_lane* of = &job->road->lanes[lane];
+    const double near = lane == job->lane ? job->s : __builtin_nan("");
+    const double s = vg_lane_project(of, start->x, start->y, near);
     return (driver){ .path = path, .limits = &ws->limits, .x = start->x, .y = start->y,
                      .heading = start->heading,
-                     .s = vg_path_project(path, start->x, start->y, job->s),
+                     .s = vg_path_project(path, start->x, start->y, s),
                      .speed = start->speed, .acceleration = start->acceleration,
                      .curvature = vg_clamp(start->curvature, -most, most) };
 }
@@ -118,7 +154,7 @@ static double wanted_curvature(const driver* self, double rate)
 {
     const vg_reference line = vg_path_at(self->path, self->s);
     const double d = vg_left_of(&line, self->x, self->y);
-    const double aim = vg_clamp(-approach * d, -approach_most, approach_most);
+    const double aim = vg_clamp(-approach * d, -self->approach_most, self->approach_most);
     const double off = heading_off(&line, self->heading) - aim;
     const double per_metre = rate / vg_max(self->speed, 0.3);
     const double turn = vg_sqrt(2.0 * per_metre * steer_share * vg_abs(off));
@@ -169,24 +205,57 @@ static void set_rear(driver* self)
     rear->frame = 1.0;
 }
 
-/// Drives up to a speed to the end of the horizon. True: within the limits of the body.
-static bool simulate(vg_workspace* ws, const vg_job* job, double speed_max)
+/// Drives to the next instant of the trajectory. True: within the limits of the body.
+static bool drive(driver* now, const verge_planner_def* def, double speed_max)
 {
-    const verge_planner_def* def = job->def;
     const uint32_t parts = (uint32_t)(def->point_s / step_s + 1.0 - 1e-9);
-    driver now = begin(ws, job);
+    const double before = now->acceleration;
     bool holds = true;
-    for (uint32_t k = 1; k < def->points; ++k) {
-        const double before = now.acceleration;
-        for (uint32_t i = 0; i < parts; ++i) {
-            advance(&now, speed_max, def->point_s / parts);
-            set_rear(&now);
-            holds = holds && vg_hard_ratio(now.limits, &now.rear, now.speed) <= 1.0;
-        }
-        now.rear.jerk = (now.acceleration - before) / def->point_s;
-        vg_workspace_place(ws, k, &now.rear);
+    for (uint32_t i = 0; i < parts; ++i) {
+        advance(now, speed_max, def->point_s / parts);
+        set_rear(now);
+        holds = holds && vg_hard_ratio(now->limits, &now->rear, now->speed) <= 1.0;
+    }
+    now->rear.jerk = (now->acceleration - before) / def->point_s;
+    return holds;
+}
+
+/// Drives up to a speed to the end of the horizon. True: within the limits of the body.
+static bool simulate(vg_workspace* ws, const vg_job* job, driver* now, double speed_max)
+{
+    bool holds = true;
+    for (uint32_t k = 1; k < job->def->points; ++k) {
+        holds = drive(now, job->def, speed_max) && holds;
+        vg_workspace_place(ws, k, &now->rear);
     }
     return holds;
+}
+
+/// Does the way lead past the bodies that stand, also after the horizon? A vehicle that swings out
+/// behind a body and meets it there would stand worse than before.
+static bool goes_on(driver* now, const vg_workspace* ws, const vg_job* job,
+                    const verge_tracks* tracks, double speed_max)
+{
+    const uint32_t last = job->def->points - 1;
+    const double axle = ws->limits.rear_axle;
+    for (double t = 0.0; t < later_s; t += job->def->point_s) {
+        (void)drive(now, job->def, speed_max);
+        const vg_rear* rear = &now->rear;
+        const vg_rectangle body = { rear->x + axle * rear->cos_heading,
+                                    rear->y + axle * rear->sin_heading, rear->cos_heading,
+                                    rear->sin_heading, ws->body.half_length, ws->body.half_width };
+        for (uint32_t j = 0; j < tracks->count; ++j) {
+            const verge_track* other = &tracks->of[j];
+            const vg_rectangle there = { other->x[last], other->y[last], other->cos_heading[last],
+                                         other->sin_heading[last], other->half_length,
+                                         other->half_width };
+            if (j != job->track_index && vg_abs(other->speed[last]) < standing
+                && (ws->ignored >> j & 1) == 0 && vg_rectangle_overlap(&body, &there)) {
+                return false;
+            }
+        }
+    }
+    return true;
 }
 
 /// How far the body reaches to a side of the lane's centre at instant k. [m]
@@ -204,19 +273,19 @@ static double reach(const vg_workspace* ws, const vg_path* path, uint32_t k, dou
 }
 
 /// Does a corner leave the lane farther than at the start, on a side without a neighbouring lane?
-static bool swings_out(const vg_workspace* ws, const vg_job* job)
+static bool swings_out(const vg_workspace* ws, const vg_job* job, const driver* from,
+                       uint32_t lane)
 {
-    const vg_lane* lane = &job->road->lanes[job->lane];
-    const vg_path* path = ws->path_lanes[0] == (int32_t)job->lane ? &ws->paths[0] : &ws->paths[1];
+    const vg_lane* along = &job->road->lanes[lane];
     for (uint32_t side = 0; side < 2; ++side) {
         const double sign = side == 0 ? 1.0 : -1.0;
-        const int32_t beside = side == 0 ? lane->left : lane->right;
-        double s = job->s;
-        const double now = reach(ws, path, 0, &s, sign);
-        const double room = beside >= 0 ? 1.5 * lane->width : 0.5 * lane->width;
+        const int32_t beside = side == 0 ? along->left : along->right;
+        double s = from->s;
+        const double now = reach(ws, from->path, 0, &s, sign);
+        const double room = beside >= 0 ? 1.5 * along->width : 0.5 * along->width;
         const double most = vg_max(now, room) + swing_most;
         for (uint32_t k = 1; k < job->def->points; ++k) {
-            if (reach(ws, path, k, &s, sign) > most) {
+            if (reach(ws, from->path, k, &s, sign) > most) {
                 return true;
             }
         }

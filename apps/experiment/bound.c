@@ -45,7 +45,7 @@ double bound_of(const world* world)
         vg_model_from(&self->scene, &self->flows[0], def, pairs, &one, 1);
         if (self->scene.best) {
             vg_value_fill(value, &self->scene, &self->flows[0]);
-            vg_flow_begin(&self->scene, &self->flows[0]);
+            vg_flow_begin(&self->scene, &self->flows[0], 0);
         }
         sum += (double)all->scene.weight[slot] * best_alone(self, 0);
     }

@@ -138,7 +138,7 @@ static inline void stage_begin(stage* at)
     assert_int_equal(at->scene.count, at->count);
     if (at->scene.best) {
         vg_value_fill(at->value, &at->scene, &at->root);
-        vg_flow_begin(&at->scene, &at->root);
+        vg_flow_begin(&at->scene, &at->root, 0);
     }
 }
 

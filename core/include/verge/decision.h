@@ -180,6 +180,9 @@ typedef struct verge_commitment {
     int32_t  vehicle_ids[VERGE_CONTROLLED_MAX];
     uint8_t  actions[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX]; ///< verge_action
     verge_turns turns;
+    /// Vehicles that have been in their target lane. They may leave it to overtake.
+    uint32_t reached_count;
+    int32_t  reached_ids[VERGE_CONTROLLED_MAX], reached_targets[VERGE_CONTROLLED_MAX];
 } verge_commitment;
 
 typedef struct verge_decider verge_decider;

@@ -31,6 +31,8 @@ struct verge_decider {
 };
 
 static void* take(vg_arena* arena, const verge_planner_def* def);
+static uint32_t reached_before(const verge_decider* self, const verge_scene* scene,
+                               verge_commitment* commitment);
 static bool recall(const verge_decider* self, const verge_scene* scene,
                    const verge_commitment* commitment, vg_joint_actions* sequence);
 static void commit(const verge_decider* self, const verge_scene* scene,
@@ -126,7 +128,7 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
     }
     if (self->value != NULL) {
         vg_value_fill(self->value, self->model, &self->flows[0]);
-        vg_flow_begin(self->model, &self->flows[0]);
+        vg_flow_begin(self->model, &self->flows[0], reached_before(self, scene, commitment));
     }
     vg_joint_actions warm, sequence;
     const bool is_warm =
@@ -151,6 +153,39 @@ static int32_t id_of(const verge_decider* self, const verge_scene* scene, int32_
 
 // ---------------------------------------------------------------------------- commitment
 
+static bool has_reached(const verge_commitment* commitment, int32_t id, int32_t target)
+{
+    const uint32_t count = commitment->reached_count;
+    for (uint32_t i = 0; i < count && i < VERGE_CONTROLLED_MAX; ++i) {
+        if (commitment->reached_ids[i] == id) {
+            return commitment->reached_targets[i] == target;
+        }
+    }
+    return false;
+}
+
+// The slots (bits) that are or have been in their target lane.
+static uint32_t reached_before(const verge_decider* self, const verge_scene* scene,
+                               verge_commitment* commitment)
+{
+    uint32_t reached = 0;
+    for (uint32_t slot = 0; slot < self->model->controlled_count; ++slot) {
+        const verge_vehicle* vehicle = &scene->vehicles[self->model->input_index[slot]];
+        const bool now = vg_flow_in_target(self->model, &self->flows[0], slot);
+        const bool before = has_reached(commitment, vehicle->id, vehicle->target_lane);
+        reached |= (uint32_t)(now || before) << slot;
+    }
+    commitment->reached_count = 0;
+    for (uint32_t slot = 0; slot < self->model->controlled_count; ++slot) {
+        if ((reached >> slot & 1u) != 0) {
+            const verge_vehicle* vehicle = &scene->vehicles[self->model->input_index[slot]];
+            commitment->reached_ids[commitment->reached_count] = vehicle->id;
+            commitment->reached_targets[commitment->reached_count++] = vehicle->target_lane;
+        }
+    }
+    return reached;
+}
+
 // The action of a vehicle at a time [s] after the commitment; VERGE_ACTION_COUNT: none.
 static uint8_t committed_action(const verge_commitment* commitment, int32_t id, double t,
                                 double step_s)
@@ -169,6 +204,8 @@ static uint8_t committed_action(const verge_commitment* commitment, int32_t id, 
 // Shifts the commitment to the present: each step gets the action decided for its middle. The age
 // is counted from the first decision. If it were counted from the last confirmation, a lane change
 // decided for the next step would be postponed for ever. Commitments older than 100 s are ignored.
+static uint32_t reached_before(const verge_decider* self, const verge_scene* scene,
+                               verge_commitment* commitment);
 static bool recall(const verge_decider* self, const verge_scene* scene,
                    const verge_commitment* commitment, vg_joint_actions* sequence)
 {

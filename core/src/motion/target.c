@@ -16,6 +16,7 @@ static const double frame_min = 0.3;
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
                            const vg_following* following, const vg_state* start, bool emergency);
 static double least_speed(const vg_state* start, double T, double jerk);
+static double most_speed(const vg_state* start, double T, double jerk);
 static double speed_allowed(const vg_job* job, uint32_t lane, double s);
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
 
@@ -105,6 +106,10 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     v.centre = vg_min(v.centre, vg_max(follow, hardest));
     const double follow_hard = vg_follow_speed(following, start, def->comfort_braking);
     v.high = vg_min(v.high, vg_max(follow_hard, vg_max(v.centre, 0.0)));
+    // The strongest acceleration begins with the jerk limit, too.
+    const double fastest = most_speed(start, T, 0.98 * jerk);
+    v.high = vg_min(v.high, vg_max(fastest, 0.0));
+    v.centre = vg_min(v.centre, vg_max(fastest, 0.0));
     v.low = vg_min(vg_max(decided - half, 0.0), v.centre);
     v.floor = changing ? v.low : vg_min(v.low, hardest);
     return v;
@@ -114,6 +119,12 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
 static double least_speed(const vg_state* start, double T, double jerk)
 {
     return start->s_t + (4.0 * start->s_tt * T - jerk * T * T) / 6.0;
+}
+
+/// Highest end speed whose profile begins with at most this jerk.
+static double most_speed(const vg_state* start, double T, double jerk)
+{
+    return start->s_t + (4.0 * start->s_tt * T + jerk * T * T) / 6.0;
 }
 
 /// Highest speed at s of a lane or of its successors: the speed limit, or less in and before bends

@@ -13,6 +13,8 @@
 static const float comfort_braking = 2.0f, chosen_braking = 1.0f;
 // A vehicle nearer than this to the one ahead follows it: KS keeps its gap. [s], [m/s^2]
 static const float following_s = 5.0f, keeping_acceleration = 0.4f;
+// Braking before the end of a lane: a vehicle that merges needs the lane to gain speed. [m/s^2]
+static const float end_braking = 4.0f;
 // Gap at standstill. [m]
 static const float standstill_gap = 2.0f;
 // Time gap to a vehicle ahead that verge plans as well: its braking is known. [s]
@@ -38,6 +40,10 @@ static const float lane_width_min = 3.0f;
 // Rules for gaps in the lane changed to: braking that a change may cost the vehicle itself and the
 // one behind [m/s^2]; factor of the time gap [1].
 static const float change_braking = 1.5f, change_braking_behind = 2.0f, change_gap_share = 0.4f;
+// Largest difference of speed to vehicles within a distance in the lane changed to, where the own
+// lane leaves this much room to adapt. [m/s], [m], [s] and [m]
+static const float speed_difference = 4.5f, adapting_reach = 65.0f;
+static const float adapting_s = 2.0f, adapting_distance = 20.0f;
 // Rules for a change under way, looser so that it is finished: room, and room left after two
 // seconds of closing. [m], [s]
 static const float finish_room = 1.5f, finish_left = 1.0f, finish_s = 2.0f;
@@ -139,14 +145,14 @@ static float limit_at(const vg_model* model, const vg_flow* flow, uint32_t slot,
 
 // Safe speed before a line at which the front has to stop. distance: from the centre. [m]
 static float stopping_speed(const vg_model* model, const vg_flow* flow, uint32_t slot,
-                            float distance)
+                            float distance, float braking)
 {
     if (distance >= 0.5f * VG_FAR_AWAY) {
         return VG_FAR_AWAY;
     }
     const float dt = (float)model->def->step_s, v = flow->v[slot];
     const float gap = distance - model->half_length[slot] - v * dt;
-    return safe_speed(gap, 0.0f, v, dt, 0.0f, comfort_braking);
+    return safe_speed(gap, 0.0f, v, dt, 0.0f, braking);
 }
 
 // The end of a lane that has to be left. [m] from the centre to the place where the front stops
@@ -190,8 +196,10 @@ static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* 
                                 vg_minf(flow->limit[slot], model->speed_max[slot]) + dt);
     const float free =
         vg_minf(following_speed(model, flow, keep, slot, 1.0f),
-                stopping_speed(model, flow, slot, vg_minf(dead_end_ahead(model, flow, slot),
-                                                          vg_order_wall(model, flow, slot))));
+                vg_minf(stopping_speed(model, flow, slot, dead_end_ahead(model, flow, slot),
+                                       end_braking),
+                        stopping_speed(model, flow, slot, vg_order_wall(model, flow, slot),
+                                       comfort_braking)));
     const float most = vg_minf(limit, free);
 
     const float v_ac = vg_minf(v + model->gain[slot], most);
@@ -343,6 +351,24 @@ static bool fits_before_follower(const vg_model* model, const vg_flow* flow, uin
            >= -change_braking_behind;
 }
 
+// A vehicle takes the speed of the other lane's traffic before it changes, where its own lane leaves
+// room for that.
+static bool speed_fits(const vg_model* model, const vg_flow* flow, const vg_neighbours* keep,
+                       uint32_t slot, const gaps* g)
+{
+    const float v = flow->v[slot];
+    const float end = dead_end_ahead(model, flow, slot) - model->half_length[slot];
+    const float room = vg_minf(end, keep->gap_ahead - model->half_length[slot]);
+    if (g->under_way || room < adapting_s * v + adapting_distance) {
+        return true;
+    }
+    const bool behind = g->w.behind >= 0 && g->behind < adapting_reach
+                        && g->w.v_behind - v > speed_difference;
+    const bool ahead = g->w.ahead >= 0 && g->ahead < adapting_reach
+                       && vg_fabsf(g->w.v_ahead - v) > speed_difference;
+    return !behind && !ahead;
+}
+
 // Speed of the change with regard to the vehicle ahead in the own lane. Below 0: it would be hit.
 static float speed_past_leader(const vg_model* model, const vg_flow* flow,
                                const vg_neighbours* keep, uint32_t slot, float across)
@@ -384,7 +410,8 @@ void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves*
                .under_way = finishes || d > VG_CENTRED };
     g.ahead = g.w.gap_ahead - model->half_length[slot];
     g.behind = g.w.gap_behind - model->half_length[slot];
-    if (!fits_behind_leader(model, flow, slot, &g)
+    if (!speed_fits(model, flow, &moves->keep[slot], slot, &g)
+        || !fits_behind_leader(model, flow, slot, &g)
         || !fits_before_follower(model, flow, slot, &g)) {
         return;
     }

@@ -133,6 +133,7 @@ typedef struct vg_model {
     float    braking_hard[VERGE_VEHICLES_MAX]; ///< [m/s^2] that the body can brake
     float    time_gap[VERGE_CONTROLLED_MAX];   ///< [s] to a vehicle ahead that verge does not plan
     const struct vg_value* value;              ///< value-to-go of the controlled vehicles, or null
+    float    wrong_lane[VERGE_CONTROLLED_MAX];   ///< [1] cost of each second off the target lane
     float    loss_at_root[VERGE_CONTROLLED_MAX]; ///< [s] vg_flow_loss() without other vehicles
     double   acceleration[VERGE_CONTROLLED_MAX]; ///< [m/s^2] of AC
     /// [m] along the lane from the middle of vehicle and trailer to the centre of the vehicle, below

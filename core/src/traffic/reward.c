@@ -13,8 +13,9 @@ static const double loss_scale = 30.0;
 static const float harsh_from = 2.0f, harsh_cost = 0.01f;
 // Change of speed in one step that counts as a whole reversal. [m/s]
 static const float reversal_speed = 4.0f;
-// Cost of each second in a lane that does not lead to the target. [1]
-static const float wrong_lane_cost = 0.1f;
+// Cost of each second in a lane that does not lead to the target: small where the vehicle leaves the
+// target lane to overtake, larger where it is not there yet. [1]
+static const float cost_of_leaving = 0.1f, cost_of_missing = 0.4f;
 // A vehicle nearer than this to the one ahead follows it. [s]
 static const float following_s = 4.0f;
 // Between two lanes at the horizon: cost [s], of this offset [m].
@@ -92,7 +93,9 @@ static void earn_best(const vg_model* model, const vg_flow* before, const vg_mov
     credit += (float)def->reward_consistency * share
               * (1.0f - reversal(before->previous[slot], action, next->v[slot] - before->v[slot]));
     float lost = begins_change(before, slot, action) ? VG_VALUE_CHANGE : 0.0f;
-    lost += changes_left(model, next, slot) > 0 ? wrong_lane_cost * (float)def->step_s : 0.0f;
+    if (changes_left(model, next, slot) > 0) {
+        lost += model->wrong_lane[slot] * (float)def->step_s;
+    }
     credit -= lost * (float)((def->reward_target + def->reward_lane) / loss_scale);
     credit -= (float)def->reward_room * share * model->gap_weight[slot]
               * gap_penalty(model, before, moves, slot, action);
@@ -155,12 +158,14 @@ static float least_time(const vg_model* model, uint32_t slot, uint32_t lane, flo
     return least;
 }
 
-void vg_flow_begin(vg_model* model, const vg_flow* root)
+void vg_flow_begin(vg_model* model, const vg_flow* root, uint32_t reached)
 {
     for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
         model->loss_at_root[slot] =
             least_time(model, slot, (uint32_t)root->lane[slot], root->station[slot])
             + speed_loss(model, root, slot, vg_drive_desired(model, root, slot));
+        model->wrong_lane[slot] =
+            (reached >> slot & 1u) != 0 ? cost_of_leaving : cost_of_missing;
     }
 }
 

@@ -23,8 +23,9 @@ bool vg_flow_in_target(const vg_model* model, const vg_flow* flow, uint32_t slot
 /// whole: it reached the horizon or a terminal flow. If not, the remaining steps earn nothing.
 double vg_flow_reward(const vg_model* model, const vg_flow* flow, uint32_t step, bool whole);
 
-/// BEST: sets the losses at the root, from which those of plans are counted.
-void vg_flow_begin(vg_model* model, const vg_flow* root);
+/// BEST: sets the losses at the root, from which those of plans are counted. reached: slots (bits)
+/// that have been in their target lane and may leave it to overtake.
+void vg_flow_begin(vg_model* model, const vg_flow* root, uint32_t reached);
 
 /// BEST: what the vehicle at slot loses by the way it has driven for t [s] since the root, against
 /// driving alone at the speeds of the road: time, and what its state at the end costs further. [s]

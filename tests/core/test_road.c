@@ -298,17 +298,19 @@ static void test_the_deviation_is_that_of_the_point_furthest_from_the_line(void*
 static void test_a_coarse_circle_is_a_circle(void** state)
 {
     (void)state;
-    for (int pieces = 6; pieces <= 24; pieces += 6) {
+    for (int pieces = 12; pieces <= 24; pieces += 6) {
         world* w = world_new();
         add_lane(w, -1, -1);
         add_arc(w, 8.0, 0.0, 2.0 * VG_PI, pieces);
         leads_to(w, 0, 0); // a ring of one lane
         const vg_lane* lane = &build(w)->lanes[0];
-        CHECK_NEAR(lane->length, 16.0 * VG_PI, 0.6);
+        // Between 12 points the chords leave the circle by 0.27 m: the line lies between both.
+        const double tolerance = pieces == 12 ? 0.21 : 0.08;
+        CHECK_NEAR(lane->length, 16.0 * VG_PI, 1.2);
         for (double s = 0.0; s < lane->length; s += 0.5) {
             const vg_reference at = vg_lane_at(lane, s);
-            CHECK_NEAR(hypot(at.x, at.y), 8.0, 0.1);
-            CHECK_NEAR(at.curvature, 0.125, 0.006);
+            CHECK_NEAR(hypot(at.x, at.y), 8.0, tolerance);
+            CHECK_NEAR(at.curvature, 0.125, 0.015);
         }
         CHECK_NEAR(relation(w, 0, 0)->period, lane->length, 0.01);
         world_free(w);

@@ -1,10 +1,21 @@
 /// A road: any graph of lanes, as surveyed.
 ///
 /// The caller describes lanes by polylines. The planner fits a smooth reference line to each, with
-/// continuous heading and curvature: the smoothest line within 0.15 m of the survey, or 0.3 m of
-/// single points and at merges. verge_road_deviation() returns the deviation. The planner also
-/// finds where neighbours run side by side, which lanes meet downstream, and where lanes that are
-/// not neighbours run through the same area.
+/// continuous heading and curvature:
+///
+/// - Within 0.15 m of the chords between the surveyed points, or 0.3 m at single points. Points
+///   that evidently lie on a circle are joined by its arc, where it leaves the chord by less.
+/// - Its curvature is at most 1.25 / R + 0.01 1/m. R is what the survey supports at a point: the
+///   smaller one of (c/2) / tan(a/2) for a turn of a between chords of length c, and of the radius
+///   0.3 / (1/cos(a/2) - 1) that passes the point within the tolerance.
+/// - A sharper corner, which that radius would make a crawl, is cut inside the lane: so far that a
+///   body 2 m wide keeps 0.3 m from the edges, up to a radius of 8 m.
+/// - Lanes that follow one another meet in position and direction. A lane that meets others at an
+///   angle turns into their direction near its end.
+///
+/// verge_road_deviation() returns the deviation. The planner also finds where neighbours run side
+/// by side, which lanes meet downstream, and where lanes that are not neighbours run through the
+/// same area.
 ///
 /// Lifetime    A call that takes a def reads it, and all that it points to, only until it returns.
 #ifndef VERGE_ROAD_H

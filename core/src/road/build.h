@@ -16,10 +16,6 @@ extern "C" {
 #define VG_FIT_OUTLIER 0.30
 #define VG_FIT_MEAN 0.11
 #define VG_FIT_WINDOW 6.0
-/// Additional deviation at a merge or diverge, which falls to 0 over VG_FIT_JOINT metres: in
-/// surveys branches meet the main lane at an angle that no vehicle can drive. [m]
-#define VG_FIT_JOINT_TOLERANCE 0.15
-#define VG_FIT_JOINT 20.0
 /// Surveyed points nearer to one another than this are averaged: the fit takes a sample a metre,
 /// and the mean of several points has less noise than each. [m]
 #define VG_SURVEY_SPACING 0.5
@@ -86,7 +82,7 @@ uint32_t vg_lane_knot_count(const verge_lane_def* lane);
 /// Stations advance by 0.5 to 2 m a metre of lane (bundle.c), which bounds the bins.
 uint32_t vg_lane_bin_capacity(const verge_lane_def* lane);
 
-void   vg_road_fit(vg_road_draft* draft);           ///< reference lines (fit.c)
+void   vg_road_fit(vg_road_draft* draft);           ///< reference lines (fit.c, fit_*.c)
 size_t vg_road_fit_scratch_size(const verge_road_def* def);
 void   vg_road_bundle(vg_road_draft* draft);        ///< stations, bins (bundle.c)
 size_t vg_road_bundle_scratch_size(const verge_road_def* def);

@@ -331,14 +331,17 @@ bool verge_road_continues(const verge_road* road, int32_t target_lane, int32_t l
 
 int32_t vg_lane_before(const struct verge_road* road, uint32_t lane)
 {
+    // All of them end in one direction. The straightest one has it already some metres before.
+    static const double distance = 8.0; // [m]
     const vg_reference at = vg_lane_at(&road->lanes[lane], 0.0);
     int32_t best = -1;
     double best_cosine = -2.0;
     for (uint32_t k = 0; k < vg_lane_predecessor_count(road, lane); ++k) {
         const int32_t before = vg_lane_predecessor(road, lane, k);
         const vg_lane* other = &road->lanes[before];
-        const vg_reference end = vg_lane_at(other, other->length);
-        const double cosine = at.cos_heading * end.cos_heading + at.sin_heading * end.sin_heading;
+        const vg_reference near = vg_lane_at(other, vg_max(other->length - distance, 0.0));
+        const double cosine = at.cos_heading * near.cos_heading
+                              + at.sin_heading * near.sin_heading;
         if (cosine > best_cosine) {
             best = before;
             best_cosine = cosine;

@@ -186,7 +186,7 @@ static inline int32_t vg_lane_predecessor(const struct verge_road* road, uint32_
     return road->predecessors[road->predecessors_from[lane] + k];
 }
 
-/// The lane before `lane` whose end fits its start best, -1 none.
+/// The lane before `lane` that leads straightest to its start, -1 none.
 int32_t vg_lane_before(const struct verge_road* road, uint32_t lane);
 
 /// Does the lane run through an area shared with a lane that is not related to it?

@@ -267,6 +267,36 @@ static void simulated_humans_go_on_backwards_and_stop_for_what_they_meet(void** 
     stage_close(at);
 }
 
+static void simulated_humans_stay_possible_vehicles_whatever_way_they_face(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("facing any way");
+    stage* at = stage_open(2, 500.0);
+    const size_t size = (verge_humans_memory_size(&at->def) + 63) / 64 * 64;
+    void* memory = aligned_alloc(64, size);
+    verge_humans* humans = NULL;
+    assert_int_equal(verge_humans_init(&humans, &at->def, memory, size), VERGE_OK);
+    for (uint32_t k = 0; k < test_rounds(300); ++k) {
+        stage_clear(at);
+        const double speed = k % 3 == 0 ? 0.0 : test_rng_between(&rng, -15.0, 30.0);
+        other(at, 250.0, test_rng_between(&rng, -9.0, 9.0), speed);
+        for (int tick = 0; tick < 30; ++tick) {
+            const verge_vehicle before = at->vehicles[0];
+            assert_int_equal(verge_humans_advance(humans, at->road, NULL, at->vehicles, 1, 0.1),
+                             VERGE_OK);
+            const verge_vehicle* now = &at->vehicles[0];
+            verge_vehicle_fault fault;
+            if (!verge_vehicle_check(now, &fault)) {
+                fail_msg("%s is %g", fault.field, fault.value);
+            }
+            CHECK_AT_MOST(fabs(remainder(now->heading - before.heading, 2.0 * M_PI)), 0.2001);
+            CHECK_AT_MOST(fabs(now->acceleration), 5.0);
+        }
+    }
+    free(memory);
+    stage_close(at);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -279,6 +309,7 @@ int main(void)
         cmocka_unit_test(a_controlled_vehicle_that_faces_back_or_reverses_brakes_and_is_seen),
         cmocka_unit_test(a_controlled_vehicle_that_reverses_comes_to_rest_within_its_limits),
         cmocka_unit_test(simulated_humans_go_on_backwards_and_stop_for_what_they_meet),
+        cmocka_unit_test(simulated_humans_stay_possible_vehicles_whatever_way_they_face),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

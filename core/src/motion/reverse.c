@@ -4,6 +4,7 @@
 #include "base/scalar.h"
 #include "motion/trailer.h"
 #include "motion/workspace.h"
+#include "verge/limits.h"
 
 /// Deceleration of a comfortable stop, and the jerk that builds it up. [m/s^2], [m/s^3]
 static const double reverse_braking = 3.0;
@@ -27,7 +28,7 @@ void vg_vehicle_stop_reversing(vg_workspace* ws, const vg_job* job, verge_vehicl
         const double a_before = a;
         for (uint32_t i = 0; i < reverse_parts; ++i) {
             a = vg_clamp(reverse_braking, a - reverse_jerk * dt, a + reverse_jerk * dt);
-            const double next = vg_min(speed + a * dt, 0.0);
+            const double next = vg_clamp(speed + a * dt, VERGE_LIMIT_SPEED_MIN, 0.0);
             way += 0.5 * (speed + next) * dt;
             speed = next;
         }

@@ -31,6 +31,8 @@ static double length_behind(const verge_body* body)
                ? vg_max(rear, body->hitch + body->trailer_length - body->trailer_front) : rear;
 }
 
+// A vehicle that reverses is no faster. [m/s]
+static const double reverse_max = -(VERGE_LIMIT_SPEED_MIN);
 // A body turned by more than this does not move the way its lane runs. [1] cosine of 30 degrees
 static const double turned_cosine = 0.866;
 
@@ -72,7 +74,9 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
     // Desired speed of an uncontrolled vehicle: the limit if the vehicle speeds up, else the speed
     // that it has after trend_s at its present acceleration. A standing vehicle stays standing, and
     // a braking one continues to brake. The IDM takes the vehicles ahead into account.
-    const double fastest = vg_max(lane->speed_limit, speed);
+    const double limit =
+        model->faces_back[slot] ? vg_min(lane->speed_limit, reverse_max) : lane->speed_limit;
+    const double fastest = vg_max(limit, speed);
     const double soon = acceleration > speeding_up ? fastest : speed + trend_s * acceleration;
     model->cruise[slot] = (float)vg_clamp(soon, cruise_min, fastest);
     model->braking[slot] =
@@ -87,7 +91,8 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
 void vg_model_free_humans(vg_model* model, const vg_flow* flow)
 {
     for (uint32_t i = model->controlled_count; i < model->count; ++i) {
-        const double limit = model->road->lanes[flow->lane[i]].speed_limit;
+        const double allowed = model->road->lanes[flow->lane[i]].speed_limit;
+        const double limit = model->faces_back[i] ? vg_min(allowed, reverse_max) : allowed;
         model->cruise[i] = (float)vg_max(vg_max(limit, (double)flow->v[i]), 1.0);
         model->braking[i] = (float)model->def->idm_braking_max;
     }

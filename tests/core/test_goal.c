@@ -116,6 +116,38 @@ static void a_body_that_reaches_in_from_the_lane_beside_counts_and_the_paper_kno
     stage_close(at);
 }
 
+static void a_change_ends_where_there_is_room_beside_a_body(void** state)
+{
+    (void)state;
+    stage* at = stage_open_best(2, 500.0);
+    for (double turn = 0.0; turn < 3.0; turn += 0.3) { // across lane 0, into lane 1
+        stage_clear(at);
+        stage_add(at, true, 0, 100.0, 0.0, 12.0, -1)->width = 1.8;
+        stage_add(at, false, 0, 150.0, 0.4, 0.0, -1)->heading = turn;
+        stage_begin(at);
+        const double low = 0.4 + (double)at->scene.half_width[1] - STAGE_WIDTH;
+        const double room = 2.0 - low - 1.8;
+        const double goal = room < 0.6 || low < -2.0 ? 0.0 : fmax(low + 0.9 + 0.5, 0.0);
+        CHECK_NEAR((double)vg_goal_in(&at->scene, &at->root, 0, 1, 118.0f), goal, 1e-4);
+        vg_flow flow = at->root;
+        for (int k = 0; k < 3; ++k) {
+            vg_moves moves;
+            memset(&moves, 0, sizeof moves);
+            vg_flow_moves(&at->scene, &flow, &moves);
+            const bool legal = (moves.legal[0] & 1u << VERGE_CHANGE_LEFT) != 0;
+            const uint8_t action = legal ? VERGE_CHANGE_LEFT : VERGE_KEEP_SPEED;
+            vg_flow next = flow;
+            vg_flow_advance(&at->scene, &flow, &moves, &action, &next);
+            flow = next;
+        }
+        if (room >= 0.8) { // else it is as wide as the road
+            assert_int_equal(flow.lane[0], 1);
+            CHECK_NEAR((double)flow.d[0], goal, 0.1);
+        }
+    }
+    stage_close(at);
+}
+
 /// Distance kept from a body at d in closed loop, on the way from 60 m before it to 20 m past it.
 static double pass(double d, double* beyond)
 {
@@ -176,6 +208,7 @@ int main(void)
         cmocka_unit_test(a_body_matters_from_the_approach_until_it_is_passed),
         cmocka_unit_test(
             a_body_that_reaches_in_from_the_lane_beside_counts_and_the_paper_knows_none),
+        cmocka_unit_test(a_change_ends_where_there_is_room_beside_a_body),
         cmocka_unit_test(a_vehicle_drives_past_whatever_leaves_it_room),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -367,7 +367,8 @@ static void test_a_car_does_not_drive_into_a_trailer(void** state)
         // It comes near the trailer's rear and stops, or passes the truck.
         const verge_vehicle* end = &driven.at[driven.count - 1];
         const double rear = trailer[0] - 0.5 * trailer[3];
-        assert_true(lane == 1 || (end->x + 2.5 < rear && end->x + 2.5 > rear - 8.0));
+        const bool stops = end->x + 2.5 < rear && end->x + 2.5 > rear - 8.0;
+        assert_true(lane == 1 || stops || end->x > vehicles[1].x + 10.0);
         assert_true(verge_vehicles_distance(end, &vehicles[1]) > 0.0);
         free(at.memory);
     }

@@ -70,11 +70,31 @@ static void before_a_crossing_or_the_end_of_the_lane_a_vehicle_may_wait(void** s
     stage_close(at);
 }
 
+static void whoever_stands_is_still_there_at_the_horizon(void** state)
+{
+    (void)state;
+    stage* at = stage_open_best(1, 500.0);
+    stage_add(at, true, 0, 100.0, 0.0, 5.0, -1);
+    stage_add(at, false, 0, 200.0, 0.0, 0.0, -1);
+    stage_add(at, false, 0, 300.0, 0.0, 0.0, -1)->heading = M_PI;
+    stage_begin(at);
+    const uint8_t keep = VERGE_KEEP_SPEED;
+    for (uint32_t t = 0; t < at->def.steps; ++t) {
+        stage_step(at, &at->root, &keep);
+        for (uint32_t slot = 1; slot < 3; ++slot) {
+            CHECK_NEAR((double)at->root.station[slot], 100.0 + 100.0 * slot, 0.6);
+            CHECK_AT_MOST((double)at->root.v[slot], 0.051);
+        }
+    }
+    stage_close(at);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_a_cause_a_vehicle_that_stands_is_static),
         cmocka_unit_test(a_queue_waits_but_not_who_stands_beside_or_across_it),
+        cmocka_unit_test(whoever_stands_is_still_there_at_the_horizon),
         cmocka_unit_test(before_a_crossing_or_the_end_of_the_lane_a_vehicle_may_wait),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

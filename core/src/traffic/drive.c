@@ -47,6 +47,8 @@ static const float adapting_s = 2.0f, adapting_distance = 20.0f;
 // Rules for a change under way, looser so that it is finished: room, and room left after two
 // seconds of closing. [m], [s]
 static const float finish_room = 1.5f, finish_left = 1.0f, finish_s = 2.0f;
+// A body ahead that is slower stands. [m/s]
+static const float standing = 0.5f;
 // Speed of a change that squeezes past a body ahead. [m/s]
 static const float squeeze_speed = 2.5f;
 // Lateral clearance when passing a body. [m]
@@ -277,16 +279,29 @@ static float time_to_go(const vg_model* model, uint32_t slot, int32_t lane, floa
                ? 0.0f : vg_value_at(model->value, slot, (uint32_t)lane, station);
 }
 
+// Offset of a vehicle from where it is to drive in its lane. [m]
+static float off_goal(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    return flow->d[slot] - vg_lane_goal(model, flow, slot, flow->station[slot]);
+}
+
+// Is the vehicle on its way from the lane beside, on the right (sign 1) or left (-1)? Where it passes
+// a body within its lane it is not.
+static bool came_from(const vg_model* model, const vg_flow* flow, uint32_t slot, float sign)
+{
+    return sign * flow->d[slot] < -VG_CENTRED
+           && sign * off_goal(model, flow, slot) < -VG_CENTRED;
+}
+
 // The changes that the road allows, without those to lanes that lead nowhere.
 static uint8_t changes_allowed(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
-    const float d = flow->d[slot];
     const float own = time_to_go(model, slot, flow->lane[slot], flow->station[slot]);
     uint32_t allowed = 0;
     for (uint32_t side = 0; side < 2; ++side) {
         const bool left = side == 0;
         const uint32_t bit = 1u << (left ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT);
-        if (left ? d < -VG_CENTRED : d > VG_CENTRED) { // completes the change that led here
+        if (came_from(model, flow, slot, left ? 1.0f : -1.0f)) { // completes the change that led here
             allowed |= bit;
         } else if (across_gap(model, flow, slot, left) > 0.0f) {
             const int32_t beside = lane_beside(model, flow, slot, left);
@@ -388,7 +403,22 @@ static float speed_past_leader(const vg_model* model, const vg_flow* flow,
                                  flow->y[keep->ahead]);
     const float needed = across > 0.0f ? widths + dy : widths - dy;
     const float now = gap + v * dt; // before the step
+    const float lateral_speed = 0.5f * lane_width_min / half_change_s;
+    if (keep->v_ahead < standing && v > slow_speed && needed * v <= now * lateral_speed
+        && needed <= lateral_within(now)) {
+        return VG_FAR_AWAY; // the change is far enough when the body is reached
+    }
     return needed / slope_of_nose <= now - pass_clearance && v <= slow_speed ? squeeze_speed : -1.0f;
+}
+
+// Where in the lane changed to a change ends: aside where a body reaches into that lane. [m] to the left
+static float goal_after(const vg_model* model, const vg_flow* flow, uint32_t slot, bool left,
+                        bool finishes)
+{
+    const int32_t lane = finishes ? flow->lane[slot] : lane_beside(model, flow, slot, left);
+    const float station = flow->station[slot]
+                          + flow->v[slot] * (float)model->def->step_s / flow->rate[slot];
+    return lane < 0 ? 0.0f : vg_goal_in(model, flow, slot, lane, station);
 }
 
 void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves* moves,
@@ -402,12 +432,13 @@ void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves*
     const bool left = action == VERGE_CHANGE_LEFT;
     const float sign = left ? 1.0f : -1.0f;
     const float d = sign * flow->d[slot], v = flow->v[slot], dt = (float)model->def->step_s;
-    const bool finishes = d < -VG_CENTRED;
-    const float whole = finishes ? -d : across_gap(model, flow, slot, left) - d;
+    const bool finishes = came_from(model, flow, slot, sign);
+    const float goal = sign * goal_after(model, flow, slot, left, finishes);
+    const float whole = goal - d + (finishes ? 0.0f : across_gap(model, flow, slot, left));
     const float y = flow->y[slot] + sign * whole;
     gaps g = { .w = vg_nearest(model, flow, slot, moves->station[0][slot], y, moves->station[0],
                                moves->v[0], VG_FAR_AWAY),
-               .under_way = finishes || d > VG_CENTRED };
+               .under_way = finishes || came_from(model, flow, slot, -sign) };
     g.ahead = g.w.gap_ahead - model->half_length[slot];
     g.behind = g.w.gap_behind - model->half_length[slot];
     if (!speed_fits(model, flow, &moves->keep[slot], slot, &g)

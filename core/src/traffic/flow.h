@@ -30,6 +30,8 @@ extern "C" {
 #define VG_CENTRED 0.3f
 /// Largest |d| at which the target lane counts as reached. [m]
 #define VG_REACHED_OFFSET 0.5f
+/// Smallest desired speed: the IDM divides by it. [m/s]
+#define VG_CRUISE_MIN 0.05f
 /// A slower vehicle stands. [m/s]
 #define VG_STANDING_SPEED 0.5f
 /// Larger than any distance on a road: stands for an absent or unrelated vehicle. [m]

@@ -57,14 +57,13 @@ typedef struct gap {
     bool  low_is_body, high_is_body;
 } gap;
 
-static gap gap_between(const vg_model* model, const vg_flow* flow, uint32_t slot, float from,
-                       float to)
+static gap gap_between(const vg_model* model, int32_t lane, float from, float to)
 {
-    const float half = 0.5f * (float)model->road->lanes[flow->lane[slot]].width;
+    const float half = 0.5f * (float)model->road->lanes[lane].width;
     gap free = { .low = -half, .high = half, .clear = clear, .room = room_min, .from = to };
     for (uint32_t k = 0; k < model->body_count; ++k) {
         const vg_body_beside* body = &model->bodies[k];
-        if (body->lane != flow->lane[slot] || body->to < from || body->from > to) {
+        if (body->lane != lane || body->to < from || body->from > to) {
             continue;
         }
         const bool on_right = body->low + body->high < 0.0f;
@@ -96,14 +95,21 @@ static bool fits_through(const vg_model* model, const gap* free, uint32_t slot, 
 
 float vg_lane_goal(const vg_model* model, const vg_flow* flow, uint32_t slot, float station)
 {
+    return vg_goal_in(model, flow, slot, flow->lane[slot], station);
+}
+
+float vg_goal_in(const vg_model* model, const vg_flow* flow, uint32_t slot, int32_t lane,
+                 float station)
+{
     VERGE_ASSERT(slot < model->controlled_count);
+    VERGE_ASSERT(lane >= 0 && lane < (int32_t)model->road->lane_count);
     if (model->body_count == 0) {
         return 0.0f;
     }
     const float per_metre = 1.0f / flow->rate[slot];
     const float half = model->half_length[slot];
     const float lead = vg_maxf(lead_distance, lead_time * flow->v[slot]);
-    const gap free = gap_between(model, flow, slot,
+    const gap free = gap_between(model, lane,
                                  flow->station[slot] - (half + tail_distance) * per_metre,
                                  station + (half + lead) * per_metre);
     float d, kept;
@@ -118,7 +124,7 @@ void vg_goal_limit(const vg_model* model, vg_flow* flow, uint32_t slot)
     const float rate = flow->rate[slot], half = model->half_length[slot];
     const float v = vg_maxf(flow->v[slot], flow->limit[slot]);
     const float view = half + v * v / (2.0f * braking);
-    const gap free = gap_between(model, flow, slot,
+    const gap free = gap_between(model, flow->lane[slot],
                                  flow->station[slot] - (half + tail_distance) / rate,
                                  flow->station[slot] + view / rate);
     float d, kept;

@@ -24,6 +24,14 @@ VG_INLINE float acceleration_of(const idm* p, float braking, float v, float per_
     return vg_maxf(a, -braking);
 }
 
+// Within a long step the desired speed is reached, not exceeded. A vehicle that stands and is not
+// expected to start stays where it is. The paper's model has neither.
+static float fastest_of(const vg_model* model, uint32_t slot, float v)
+{
+    const bool stays = v < VG_CRUISE_MIN && model->cruise[slot] <= VG_CRUISE_MIN;
+    return !model->best ? VG_FAR_AWAY : stays ? v : vg_maxf(v, model->cruise[slot]);
+}
+
 // Motion against the lane, at constant speed or slower: ahead of such a vehicle is who is behind it
 // on the lane's axis.
 static void move_backwards(const vg_model* model, const vg_flow* flow, const idm* p,
@@ -75,7 +83,7 @@ void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, f
         // With no vehicle ahead the closing speed is 0.
         const float v_lead = w.gap_ahead < 0.5f * VG_FAR_AWAY ? w.v_ahead : v;
         const float a = acceleration_of(&p, model->braking[i], v, per_desired, gap, v_lead);
-        const float v1 = v + a * dt;
+        const float v1 = vg_minf(v + a * dt, fastest_of(model, i, v));
         // A vehicle that comes to a stop within dt drives its stopping distance.
         const float distance = v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
         station_to[i] = flow->station[i] + distance / flow->rate[i];

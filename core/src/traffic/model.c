@@ -17,8 +17,6 @@ static const double comfort_acceleration = 1.5;
 // BEST: time gap to a vehicle that verge does not plan, by the cooperation factor of the habit: 1.0 s
 // aggressive, 1.5 s normal, 2.0 s conservative. [s]
 static const double gap_least = 1.0, gap_most = 2.0, gap_normal = 1.5, gap_by_cooperation = 1.25;
-// Smallest desired speed: the IDM divides by it. [m/s]
-static const double cruise_min = 0.05;
 // Cooperation factor of the normal habit (Table 2). The penalty for a lane change with a small gap
 // scales with the cooperation factor of the vehicle relative to this one. [1]
 static const double normal_cooperation = 0.5;
@@ -78,7 +76,7 @@ static void place(vg_model* model, vg_flow* flow, const verge_scene* scene, uint
         model->faces_back[slot] ? vg_min(lane->speed_limit, reverse_max) : lane->speed_limit;
     const double fastest = vg_max(limit, speed);
     const double soon = acceleration > speeding_up ? fastest : speed + trend_s * acceleration;
-    model->cruise[slot] = (float)vg_clamp(soon, cruise_min, fastest);
+    model->cruise[slot] = (float)vg_clamp(soon, (double)VG_CRUISE_MIN, fastest);
     model->braking[slot] =
         speed < 0.0 ? 0.0f : (float)vg_max(model->def->idm_braking_max, -acceleration);
     model->braking_hard[slot] = (float)verge_vehicle_body(vehicle).braking_max;

@@ -19,6 +19,19 @@ typedef struct site {
     verge_planner*    planner;
 } site;
 
+static site site_on(const verge_lane_def* lanes, uint32_t lane_count)
+{
+    site at = { .def = verge_planner_default_def() };
+    at.def.road = (verge_road_def){ lanes, lane_count };
+    at.def.iterations = 100;
+    at.def.controlled_max = 1;
+    at.def.vehicles_max = 2;
+    const size_t size = (verge_planner_memory_size(&at.def) + 63) / 64 * 64;
+    at.memory = aligned_alloc(64, size);
+    assert_int_equal(verge_planner_init(&at.planner, &at.def, at.memory, size), VERGE_OK);
+    return at;
+}
+
 /// `lanes` lanes side by side, the rightmost through the origin, with this curvature.
 static site site_make(uint32_t lanes, double curvature)
 {
@@ -38,15 +51,7 @@ static site site_make(uint32_t lanes, double curvature)
                                     .left = l + 1 < lanes ? 1 : VERGE_NO_LANE,
                                     .right = l == 1 ? 0 : VERGE_NO_LANE };
     }
-    site at = { .def = verge_planner_default_def() };
-    at.def.road = (verge_road_def){ defs, lanes };
-    at.def.iterations = 100;
-    at.def.controlled_max = 1;
-    at.def.vehicles_max = 2;
-    const size_t size = (verge_planner_memory_size(&at.def) + 63) / 64 * 64;
-    at.memory = aligned_alloc(64, size);
-    assert_int_equal(verge_planner_init(&at.planner, &at.def, at.memory, size), VERGE_OK);
-    return at;
+    return site_on(defs, lanes);
 }
 
 static verge_vehicle standing(const site* at, double s, double d, double turned)
@@ -147,6 +152,37 @@ static void while_it_stands_it_keeps_its_heading(void** state)
     free(at.memory);
 }
 
+/// A corner that was surveyed by three points.
+static void a_corner_sharper_than_its_steering_is_driven_at_walking_speed(void** state)
+{
+    (void)state;
+    static verge_plan plan;
+    for (int k = 0; k < 8; ++k) {
+        const double turned = (k % 2 == 0 ? 1.0 : -1.0) * (80.0 + 3.0 * k) * M_PI / 180.0;
+        const double points[3][2] = { { 0.0, 0.0 }, { 70.0, 0.0 },
+                                      { 70.0 + 80.0 * cos(turned), 80.0 * sin(turned) } };
+        const verge_lane_def lane = { .id = 0, .points = points, .point_count = 3, .width = WIDTH,
+                                      .speed_limit = 13.9, .left = VERGE_NO_LANE,
+                                      .right = VERGE_NO_LANE };
+        const site at = site_on(&lane, 1);
+        verge_vehicle vehicle = standing(&at, 50.0, 0.0, 0.0);
+        vehicle.controlled = true;
+        vehicle.speed = 3.0;
+        double stood = 0.0;
+        for (int64_t cycle = 0; cycle < 100 && fabs(vehicle.y) < 15.0; ++cycle) {
+            assert_int_equal(verge_planner_step(at.planner, 500000 * cycle, &vehicle, 1, &plan),
+                             VERGE_OK);
+            drive_on(&plan.vehicles[0], &vehicle);
+            stood += vehicle.speed < 0.1 ? 0.5 : 0.0;
+        }
+        if (fabs(vehicle.y) < 15.0 || stood > 2.0) {
+            fail_msg("%.0f degrees: at %.1f, %.1f, stood %.1f s", turned * 180.0 / M_PI, vehicle.x,
+                     vehicle.y, stood);
+        }
+        free(at.memory);
+    }
+}
+
 /// A decision that changes to the left lane at walking speed, one half of the lane a step.
 static void decide_change(const verge_scene* scene, uint32_t index, verge_vehicle_decision* to)
 {
@@ -241,6 +277,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(turned_against_its_lane_it_comes_back_and_drives_on),
         cmocka_unit_test(close_behind_a_standing_body_it_comes_out_beside_it),
+        cmocka_unit_test(a_corner_sharper_than_its_steering_is_driven_at_walking_speed),
         cmocka_unit_test(while_it_stands_it_keeps_its_heading),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -4,9 +4,10 @@
 ///
 /// Attempts, until one succeeds: as decided; in the present lane for the whole horizon; both again
 /// without the limits of normal driving; the fallback. A decision that brakes harder than normal
-/// driving does begins without these limits. A slow vehicle that is turned against its
-/// lane straightens out before all these, and one that stands close behind another one comes out
-/// beside it where these would leave it standing (straighten.h).
+/// driving does begins without these limits. A slow vehicle that is turned against its lane
+/// straightens out before all these. Where these hinder a slow vehicle, close behind another one or
+/// in a corner that is sharper than its steering, the same simulated driver does better
+/// (straighten.h).
 #include "motion/sampler.h"
 
 #include "motion/contact.h"
@@ -22,8 +23,8 @@ enum {
 };
 /// Below this speed brakes may be released faster than the jerk limit. [m/s]
 static const double jolt_speed = 0.5;
-/// A slower vehicle stands. [m/s]
-static const double standing = 0.3;
+/// A slower vehicle stands; a faster one does not need the simulated driver. [m/s]
+static const double standing = 0.3, walking = 2.0;
 /// An end speed decided below the comfortable ones by this much is meant. [m/s]
 static const double hard_from = 1.0;
 /// Braking before the end of a lane without the limits of normal driving, on a dry road. [m/s^2]
@@ -40,7 +41,7 @@ typedef struct chain {
 
 static bool plan_sampled(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 static bool attempt_chains(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
-static bool remains_standing(const vg_workspace* ws, const vg_job* job);
+static bool is_hindered(const vg_job* job, double speed);
 static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* segments,
                        uint32_t count);
 static bool plan_rest(vg_workspace* ws, const chain* chain, const vg_segment* segments,
@@ -103,19 +104,23 @@ static bool plan_sampled(vg_workspace* ws, const vg_job* job, const verge_tracks
         return true;
     }
     const bool found = attempt_chains(ws, job, tracks);
-    const bool leaves = found && !ws->keeps_lane && !remains_standing(ws, job);
-    if (lane == job->lane || leaves || !vg_straighten_can(ws, job)) {
+    const double speed = found ? ws->motion[job->def->points - 1].speed : -1.0;
+    const bool gives_up = lane != job->lane && ws->keeps_lane;
+    if ((found && !gives_up && !is_hindered(job, speed)) || !vg_straighten_can(ws, job)) {
         return found;
     }
-    ws->keeps_lane = false;
-    return vg_straighten(ws, job, tracks, lane) || (found && attempt_chains(ws, job, tracks));
+    ws->keeps_lane = lane == job->lane;
+    const bool better = vg_straighten(ws, job, tracks, lane)
+                        && ws->motion[job->def->points - 1].speed > speed + standing;
+    return better || (found && attempt_chains(ws, job, tracks));
 }
 
-/// Does the trajectory stand, or come to a stand, although the decision drives on?
-static bool remains_standing(const vg_workspace* ws, const vg_job* job)
+/// Does the trajectory end much slower than decided, and slowly? Then its polynomials cannot follow
+/// the way: out from behind a body, or through a corner sharper than the steering allows.
+static bool is_hindered(const vg_job* job, double speed)
 {
-    return ws->motion[job->def->points - 1].speed < standing
-           && job->segments[job->segment_count - 1].v > 2.0 * standing;
+    const double decided = job->segments[job->segment_count - 1].v;
+    return decided > 2.0 * standing && speed < 0.75 * vg_min(decided, walking);
 }
 
 /// Does the decision brake in its first segment harder than the comfortable jerk allows? Its end

@@ -19,16 +19,18 @@ static const double speeds[] = { 2.0, 1.2, 0.7 };
 /// [m/s^2], [m/s^3]
 static const double acceleration = 0.8, jerk = 4.0;
 /// Share of the largest curvature and of the steering rate that is used. [1]
-static const double steer_share = 0.8;
+static const double steer_share = 0.75;
 /// The wheel follows what is wanted with this delay: it does not jerk. [s]
-static const double steer_lag_s = 0.15;
+static const double steer_lag_s = 0.2;
 /// Heading towards the centre of the lane, per metre beside it. [rad/m]
 static const double approach = 0.25;
+/// The driver looks this far ahead along the lane. [m]
+static const double preview = 1.5;
 /// Largest heading towards it, the smaller one first: a body close ahead needs the larger. [rad]
 static const double approaches[] = { 0.5, 0.9 };
 /// A change that begins later than this is not begun yet. [s]
 static const double begins_within = 1.6;
-/// Free space that a corner may take beyond the lane, and beyond where it is now. [m]
+/// How far an end of the body's axis may leave the lane, or come farther out than it is now. [m]
 static const double swing_most = 0.3;
 static const double step_s = 0.01; // [s] of the simulation, at most
 /// Time after the horizon for which the way is looked at, and what stands there. [s], [m/s]
@@ -56,6 +58,7 @@ static bool swings_out(const vg_workspace* ws, const vg_job* job, const driver* 
                        uint32_t lane);
 static bool goes_on(driver* now, const vg_workspace* ws, const vg_job* job,
                     const verge_tracks* tracks, double speed_max);
+static bool runs_out(const vg_workspace* ws, const vg_job* job, uint32_t lane, bool changes);
 static bool touches(const vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 
 uint32_t vg_straighten_lane(const vg_job* job)
@@ -113,6 +116,7 @@ bool vg_straighten(vg_workspace* ws, const vg_job* job, const verge_tracks* trac
         const double walking = i == 0 ? vg_max(speed, from.speed) : speed;
         const double speed_max = vg_min(walking, allowed);
         if (simulate(ws, job, &now, speed_max) && !swings_out(ws, job, &from, lane)
+            && !runs_out(ws, job, job->lane, lane != job->lane) && !runs_out(ws, job, lane, false)
             && !touches(ws, job, tracks) && goes_on(&now, ws, job, tracks, speed_max)) {
             ws->lateral_end = job->def->point_s * (job->def->points - 1);
             ws->cost = vg_motion_cost(ws->motion, ws->limits.rear_axle, job->def,
@@ -155,11 +159,12 @@ static double wanted_curvature(const driver* self, double rate)
     const vg_reference line = vg_path_at(self->path, self->s);
     const double d = vg_left_of(&line, self->x, self->y);
     const double aim = vg_clamp(-approach * d, -self->approach_most, self->approach_most);
-    const double off = heading_off(&line, self->heading) - aim;
+    const vg_reference ahead = vg_path_at(self->path, self->s + preview);
+    const double off = heading_off(&ahead, self->heading) - aim;
     const double per_metre = rate / vg_max(self->speed, 0.3);
     const double turn = vg_sqrt(2.0 * per_metre * steer_share * vg_abs(off));
     const double most = steer_share * self->limits->curvature_max;
-    return vg_clamp(line.curvature + (off > 0.0 ? -turn : turn), -most, most);
+    return vg_clamp(ahead.curvature + (off > 0.0 ? -turn : turn), -most, most);
 }
 
 static void advance(driver* self, double speed_max, double h)
@@ -258,21 +263,19 @@ static bool goes_on(driver* now, const vg_workspace* ws, const vg_job* job,
     return true;
 }
 
-/// How far the body reaches to a side of the lane's centre at instant k. [m]
+/// How far the axis of the body reaches to a side of the lane's centre at instant k. [m]
 static double reach(const vg_workspace* ws, const vg_path* path, uint32_t k, double* s, double side)
 {
     const verge_track* body = &ws->body;
     *s = vg_path_project(path, body->x[k], body->y[k], *s);
     const vg_reference line = vg_path_at(path, *s);
-    const double along = body->cos_heading[k] * line.cos_heading
-                       + body->sin_heading[k] * line.sin_heading;
     const double across = body->sin_heading[k] * line.cos_heading
                         - body->cos_heading[k] * line.sin_heading;
     return side * vg_left_of(&line, body->x[k], body->y[k])
-           + body->half_length * vg_abs(across) + body->half_width * vg_abs(along);
+           + body->half_length * vg_abs(across);
 }
 
-/// Does a corner leave the lane farther than at the start, on a side without a neighbouring lane?
+/// Does an end leave the lane farther than at the start, on a side without a neighbouring lane?
 static bool swings_out(const vg_workspace* ws, const vg_job* job, const driver* from,
                        uint32_t lane)
 {
@@ -291,6 +294,15 @@ static bool swings_out(const vg_workspace* ws, const vg_job* job, const driver* 
         }
     }
     return false;
+}
+
+/// Does it drive over the end of a lane that it has to leave?
+static bool runs_out(const vg_workspace* ws, const vg_job* job, uint32_t lane, bool changes)
+{
+    const vg_lane* of = &job->road->lanes[lane];
+    return of->dead_end
+           && vg_workspace_runs_out(ws, job, of, job->def->points - 1, job->def->comfort_braking,
+                                    changes);
 }
 
 /// A vehicle that is nearer to another one than the clearance has to come away from it.

@@ -3,7 +3,8 @@
 /// that is turned by 60 degrees comes back within a few metres, in which the wheel turns to its
 /// limit and back. So the motion is simulated: a driver steers towards the lane, as fast and as far
 /// as the steering allows, at walking speed. A vehicle that stands close behind another one comes
-/// out into the lane beside it in the same way.
+/// out into the lane beside it in the same way, and a corner that is sharper than the steering is
+/// driven as near to its line as can be.
 #ifndef VG_STRAIGHTEN_H
 #define VG_STRAIGHTEN_H
 

@@ -175,6 +175,38 @@ static void a_priority_or_stop_line_out_of_range_is_refused_by_name(void** state
     assert_string_equal(fault.field, "priority");
 }
 
+// Each vehicle stands, or nearly, with its front this far from the line.
+static void a_vehicle_that_stops_a_little_over_the_line_waits_for_green(void** state)
+{
+    (void)state;
+    verge_lane_def lanes[LANES];
+    const verge_road_def road = road_of(lanes);
+    lanes[0].stop_line_given = true;
+    lanes[0].stop_line = 120.0;
+    verge_planner* planner = planner_on(&road);
+    const double fronts[] = { -3.0, -0.5, 0.05, 0.3, 1.0 };
+    int64_t utime = 0;
+    for (size_t i = 0; i < sizeof fronts / sizeof fronts[0]; ++i) {
+        verge_vehicle vehicle = verge_vehicle_default();
+        vehicle.controlled = true;
+        vehicle.x = 120.0 + fronts[i] - 0.5 * vehicle.length;
+        vehicle.speed = i % 2 == 0 ? 0.0 : 0.3;
+        verge_planner_reset(planner);
+        for (int cycle = 0; cycle < 12; ++cycle, utime += 500000) {
+            const verge_signal red = { 0, VERGE_SIGNAL_RED, 60.0 };
+            assert_int_equal(verge_planner_set_signals(planner, utime, &red, 1), VERGE_OK);
+            assert_int_equal(verge_planner_step(planner, utime, &vehicle, 1, &plan), VERGE_OK);
+            const verge_point* at = &plan.vehicles[0].points[5];
+            vehicle.x = at->x;
+            vehicle.y = at->y;
+            vehicle.heading = at->heading;
+            vehicle.speed = at->speed;
+            vehicle.acceleration = at->acceleration;
+        }
+        CHECK_AT_MOST(vehicle.x + 0.5 * vehicle.length - 120.0, fmax(fronts[i], 0.0) + 0.5);
+    }
+}
+
 static void every_code_has_a_text_of_its_own(void** state)
 {
     (void)state;
@@ -199,6 +231,7 @@ int main(void)
         cmocka_unit_test(signals_of_a_scene_are_ordered_by_lane),
         cmocka_unit_test(a_lane_keeps_its_priority_and_its_stop_line),
         cmocka_unit_test(a_priority_or_stop_line_out_of_range_is_refused_by_name),
+        cmocka_unit_test(a_vehicle_that_stops_a_little_over_the_line_waits_for_green),
         cmocka_unit_test(every_code_has_a_text_of_its_own),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -21,6 +21,8 @@ static const float merge_headway = 0.6f, braking_behind = 2.0f;
 static const float braking_last = 8.0f;
 // A box that is full binds vehicles that can still stop with this. [m/s^2]
 static const float braking_box = 3.0f;
+// Who stops with the front so far over the line of a signal has stopped at it. [m]
+static const float over_line = 2.0f;
 
 static_assert(VERGE_VEHICLES_MAX <= 255, "slots and ranks are bytes");
 
@@ -229,7 +231,8 @@ static void find_boxes(vg_course* course, const verge_road* road, float half)
 }
 
 // The first signal ahead that stops the slot. It stops nobody who cannot stop at its line any more:
-// at red with hard braking, at yellow with comfortable braking.
+// at red with hard braking, at yellow with comfortable braking. Who is a little over the line, and
+// slow enough to stop there, stays.
 static void find_red(vg_course* course, const vg_model* model, const vg_flow* flow,
                      const verge_scene* scene, uint32_t slot)
 {
@@ -245,7 +248,8 @@ static void find_red(vg_course* course, const vg_model* model, const vg_flow* fl
         const float line = on_leg(leg, (float)vg_lane_station(lane, lane->stop_line));
         const float gap = line - model->half_length[slot];
         const float braking = signal->state == VERGE_SIGNAL_RED ? braking_last : braking_box;
-        if (gap >= 0.0f && can_stop(flow->v[slot], gap, braking)) {
+        const float room = gap >= 0.0f ? gap : gap + over_line;
+        if (room >= 0.0f && can_stop(flow->v[slot], room, braking)) {
             course->red = line;
             course->red_lane = leg->lane;
             return;
@@ -633,7 +637,7 @@ vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t s
         return wall;
     }
     const float r = on_leg(leg, flow->station[slot]);
-    if (course->red < VG_FAR_AWAY && r + model->half_length[slot] <= course->red) {
+    if (course->red < VG_FAR_AWAY && r + model->half_length[slot] <= course->red + over_line) {
         take_wall(&wall, course->red, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
     }
     wall_of_shares(model, flow, slot, r, &wall);

@@ -58,17 +58,34 @@ void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg
     report->bound = vg_flow_bound(model, root);
 }
 
-// Share of X_flow that belongs to vehicles whose lane changes differ from those of the plan kept.
-// Differences of speed do not count. [1]
+// The lane changes of one vehicle in their order, two bits each, and the step of the first one.
+typedef struct change_list {
+    uint32_t changes, first;
+} change_list;
+
+static change_list changes_of(const vg_search* self, const vg_joint_actions* plan, uint32_t slot)
+{
+    const uint32_t steps = self->model->def->steps;
+    change_list list = { 0, steps };
+    for (uint32_t t = 0; t < steps; ++t) {
+        const uint32_t across = vg_actions[vg_wanted_action(plan, t, slot)].across;
+        if (across != VG_KEEP_LANE) {
+            list.first = list.changes == 0 ? t : list.first;
+            list.changes = (list.changes & 3u) == across ? list.changes : list.changes << 2u | across;
+        }
+    }
+    return list;
+}
+
+// Share of X_flow that belongs to vehicles whose lane changes differ from those of the plan kept, or
+// begin later. Differences of speed do not count, nor does an earlier begin. [1]
 static double switched_share(const vg_search* self, const vg_joint_actions* kept)
 {
     double sum = 0.0;
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
-        bool same = true;
-        for (uint32_t t = 0; t < self->model->def->steps; ++t) {
-            same = same && vg_actions[vg_wanted_action(kept, t, i)].across
-                               == vg_actions[vg_wanted_action(&self->best, t, i)].across;
-        }
+        const change_list before = changes_of(self, kept, i);
+        const change_list now = changes_of(self, &self->best, i);
+        const bool same = now.changes == before.changes && now.first <= before.first;
         sum += same ? 0.0 : (double)self->model->weight[i];
     }
     return sum;

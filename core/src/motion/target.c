@@ -106,11 +106,13 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     v.centre = vg_min(v.centre, vg_max(follow, hardest));
     const double follow_hard = vg_follow_speed(following, start, def->comfort_braking);
     v.high = vg_min(v.high, vg_max(follow_hard, vg_max(v.centre, 0.0)));
-    // The strongest acceleration begins with the jerk limit, too.
-    const double fastest = most_speed(start, T, 0.98 * jerk);
-    v.high = vg_min(v.high, vg_max(fastest, 0.0));
-    v.centre = vg_min(v.centre, vg_max(fastest, 0.0));
+    // The strongest acceleration begins with the jerk limit, too. Lateral motion needs a share of it,
+    // so less acceleration is sampled as well.
+    const double fastest = vg_max(most_speed(start, T, 0.98 * jerk), 0.0);
+    v.high = vg_min(v.high, fastest);
+    v.centre = vg_min(v.centre, fastest);
     v.low = vg_min(vg_max(decided - half, 0.0), v.centre);
+    v.low = decided > fastest ? vg_min(v.low, v0) : v.low;
     v.floor = changing ? v.low : vg_min(v.low, hardest);
     return v;
 }

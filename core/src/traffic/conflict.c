@@ -41,6 +41,14 @@ static void choose_moves(const vg_model* model, const vg_flow* flow, const vg_mo
     }
 }
 
+// A body that stands needs less distance.
+static float gap_along_to(const vg_model* model, const vg_flow* flow, uint32_t j)
+{
+    const bool stands = model->best && j >= model->controlled_count
+                        && model->standing[j] != VG_MOVING && vg_fabsf(flow->v[j]) < 0.1f;
+    return stands ? joint_gap_across : joint_gap_along;
+}
+
 // Do two vehicles come too close between the two instants? x0, x1: distance from i ahead to j,
 // before and after [m]. Relative motion is linear. Bodies with a smaller gap than required may move
 // as long as they do not touch. Overlapping bodies may only separate.
@@ -56,7 +64,7 @@ static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* 
     const float y1 = vg_gap_left(model, i, j, to->y[i], to->y[j]);
     const float length = model->half_length[i] + model->half_length[j];
     const float width = model->half_width[i] + model->half_width[j];
-    const float ex = length + joint_gap_along, ey = width + joint_gap_across;
+    const float ex = length + gap_along_to(model, flow, j), ey = width + joint_gap_across;
     if (!model->single_axis && flow->station[i] <= vg_pair_row(model, i)[j].touch) {
         // Their lanes come close in this step only: their distance before it has no meaning.
         return crosses(x0, y0, x1, y1, ex, ey);

@@ -30,9 +30,9 @@ static const float beyond_end = 6.0f;
 // Largest lateral motion per distance driven. Over short distances the turning circle limits it:
 // twice its radius. [1], [m]
 static const float slope_max = 0.5f, turning_circle = 14.0f;
-// The same for the nose of a vehicle that turns out before a standing body, and its speed. [1],
+// The same for the nose of a vehicle that turns out before a standing body, up to this speed. [1],
 // [m/s]
-static const float slope_of_nose = 0.7f, slow_speed = 3.0f;
+static const float slope_of_nose = 0.7f, turning_speed = 6.0f;
 // Half a lane change takes this long (paper, section 4). [s]
 static const float half_change_s = 1.5f;
 // A lane is at least this wide for the lateral speed of a change. [m]
@@ -47,10 +47,11 @@ static const float adapting_s = 2.0f, adapting_distance = 20.0f;
 // Rules for a change under way, looser so that it is finished: room, and room left after two
 // seconds of closing. [m], [s]
 static const float finish_room = 1.5f, finish_left = 1.0f, finish_s = 2.0f;
-// A body ahead that is slower stands. [m/s]
-static const float standing = 0.5f;
-// Speed of a change that squeezes past a body ahead. [m/s]
-static const float squeeze_speed = 2.5f;
+// Speed of a change that turns out close before a standing body [m/s]; how near [m]; below which
+// speed it counts as standing [m/s].
+static const float squeeze_speed = 2.5f, close_distance = 15.0f, standing_speed = 0.5f;
+// Lateral speed of a change, and time to spare when the body ahead is cleared. [m/s], [s]
+static const float clearing_speed = 1.1f, clearing_reserve = 0.2f;
 // Lateral clearance when passing a body. [m]
 static const float pass_clearance = 0.3f;
 // Lanes whose time to go is longer by this much are not entered. [s]
@@ -384,31 +385,39 @@ static bool speed_fits(const vg_model* model, const vg_flow* flow, const vg_neig
     return !behind && !ahead;
 }
 
-// Speed of the change with regard to the vehicle ahead in the own lane. Below 0: it would be hit.
-static float speed_past_leader(const vg_model* model, const vg_flow* flow,
-                               const vg_neighbours* keep, uint32_t slot, float across)
+// Speed of a change with regard to the vehicle ahead in the own lane.
+typedef struct passing {
+    float most;     // [m/s] below 0: it would be hit
+    bool  turns_out; // close before a standing body, with as much steering as it takes
+} passing;
+
+static passing pass_leader(const vg_model* model, const vg_flow* flow, const vg_neighbours* keep,
+                           uint32_t slot, float across, bool under_way)
 {
     if (keep->ahead < 0) {
-        return VG_FAR_AWAY;
+        return (passing){ VG_FAR_AWAY, false };
     }
     const float v = flow->v[slot], dt = (float)model->def->step_s;
     const float gap = keep->gap_ahead - model->half_length[slot];
     const float safe = safe_speed(gap - 0.5f, keep->v_ahead, v, dt, 0.0f, comfort_braking + 1.0f);
-    if (safe >= v - change_braking * dt && safe > squeeze_speed) {
-        return safe;
+    const float now = gap + v * dt; // before the step
+    const bool close = keep->v_ahead < standing_speed && now < close_distance;
+    if (!close && safe >= v - change_braking * dt) {
+        return (passing){ safe, false };
     }
-    // It stands or nearly so: is there distance enough to turn out before it?
+    // Is there distance enough to turn out before it, or time enough to clear it?
     const float widths = model->half_width[slot] + model->half_width[keep->ahead] + pass_clearance;
     const float dy = vg_gap_left(model, slot, (uint32_t)keep->ahead, flow->y[slot],
                                  flow->y[keep->ahead]);
     const float needed = across > 0.0f ? widths + dy : widths - dy;
-    const float now = gap + v * dt; // before the step
-    const float lateral_speed = 0.5f * lane_width_min / half_change_s;
-    if (keep->v_ahead < standing && v > slow_speed && needed * v <= now * lateral_speed
-        && needed <= lateral_within(now)) {
-        return VG_FAR_AWAY; // the change is far enough when the body is reached
+    if (close && v <= turning_speed && needed / slope_of_nose <= now - pass_clearance) {
+        return (passing){ vg_maxf(v, squeeze_speed), true };
     }
-    return needed / slope_of_nose <= now - pass_clearance && v <= slow_speed ? squeeze_speed : -1.0f;
+    const float closing = vg_maxf(v - keep->v_ahead, 0.1f);
+    if (under_way && needed / clearing_speed + clearing_reserve <= now / closing) {
+        return (passing){ v, false };
+    }
+    return (passing){ -1.0f, false };
 }
 
 // Where in the lane changed to a change ends: aside where a body reaches into that lane. [m] to the left
@@ -446,18 +455,19 @@ void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves*
         || !fits_before_follower(model, flow, slot, &g)) {
         return;
     }
-    const float past = finishes ? VG_FAR_AWAY
-                                : speed_past_leader(model, flow, &moves->keep[slot], slot, sign);
-    const float limit = vg_minf(vg_minf(flow->limit[slot], model->speed_max[slot]), past);
+    const passing own = finishes ? (passing){ VG_FAR_AWAY, false }
+                                 : pass_leader(model, flow, &moves->keep[slot], slot, sign,
+                                               g.under_way);
+    const float limit = vg_minf(vg_minf(flow->limit[slot], model->speed_max[slot]), own.most);
     const float wanted = vg_minf(vg_minf(v + model->gain[slot], limit),
                                  following_speed(model, flow, &g.w, slot, change_gap_share));
     const float v1 = vg_maxf(wanted, vg_maxf(v - change_braking * dt, 0.0f));
     const float distance = 0.5f * (v + v1) * dt;
-    if (past < 0.0f || v1 > past + 0.1f || distance < 0.1f) {
+    if (own.most < 0.0f || v1 > own.most + 0.1f || distance < 0.1f) {
         return;
     }
     const uint32_t along = vg_actions[action].along, across = vg_actions[action].across;
-    const float within = past == squeeze_speed ? slope_of_nose * distance : lateral_within(distance);
+    const float within = own.turns_out ? slope_of_nose * distance : lateral_within(distance);
     const float reach = vg_minf(reach_of(model, whole + vg_maxf(d, 0.0f)), within);
     set_state(flow, moves, slot, along, v1, distance);
     moves->y[across][slot] = flow->y[slot] + sign * vg_minf(whole, reach);

@@ -15,7 +15,7 @@ static const float harsh_from = 2.0f, harsh_cost = 0.01f;
 static const float reversal_speed = 4.0f;
 // Cost of each second in a lane that does not lead to the target: small where the vehicle leaves the
 // target lane to overtake, larger where it is not there yet. [1]
-static const float cost_of_leaving = 0.1f, cost_of_missing = 0.4f;
+static const float cost_of_leaving = 0.2f, cost_of_missing = 0.4f;
 // A vehicle nearer than this to the one ahead follows it. [s]
 static const float following_s = 4.0f;
 // Between two lanes at the horizon: cost [s], of this offset [m].

@@ -8,6 +8,7 @@
 
 #include "common/floating.h"
 #include "common/options.h"
+#include "common/road_report.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -211,6 +212,8 @@ static int check(const arguments* args, const config* config)
         config_print_memory(config, stdout);
         printf("road of %u lanes, map_crc32 0x%08" PRIx32 "\n", config->planner.road.lane_count,
                config->map_crc32);
+        road_report_print(verge_planner_road(built.planner), &config->planner.road,
+                          args->config_path, stdout, stderr);
     }
     config_planner_free(&built);
     return status;

@@ -137,6 +137,16 @@ verge_body verge_body_by_size(double length, double width)
     return verge_body_of_size(kind, length, width);
 }
 
+double verge_body_radius_min(const verge_body* body)
+{
+    if (body == NULL || !(body->steer_max > 0.0 && body->steer_max < 1.5)) {
+        return 0.0;
+    }
+    double sine, cosine;
+    vg_sincos(body->steer_max, &sine, &cosine);
+    return body->wheelbase * cosine / sine;
+}
+
 const verge_body_param* verge_body_params(uint32_t* count)
 {
     if (count != NULL) {

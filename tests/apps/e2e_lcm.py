@@ -193,7 +193,17 @@ def the_printed_configuration_is_the_configuration(rig):
     again.write_text(out)
     check(rig.run(rsu, "--config", again, "--print-config")[1] == out, "it prints itself")
     example = SOURCE / "apps/scenarios/rsu-ramp.json"
-    check(rig.run(rsu, "--config", example, "--check-config")[0] == 0, "the example is right")
+    code, out, error = rig.run(rsu, "--config", example, "--check-config")
+    check(code == 0, "the example is right")
+    lanes = [line for line in out.splitlines() if line.startswith("lane ")]
+    check(len(lanes) == 4 and all(" m/s" in line for line in lanes), f"a line a lane: {out!r}")
+    check("road.lanes[" not in error, f"nothing is odd about its road: {error!r}")
+    road = {"lanes": [{"id": 7, "centerline": [[0, 0], [60, 0], [40, 60]], "width": 3.5,
+                       "speed_limit": 14, "left": 8},
+                      {"id": 8, "centerline": [[0, 40], [60, 40]], "width": 3.5, "speed_limit": 14}]}
+    code, out, error = rig.run(rsu, "--config", rig.config(road=road), "--check-config")
+    check(code == 0 and "road.lanes[0].centerline: warning: bends with a radius of" in error
+          and "road.lanes[0].left: warning: lane 8 " in error, f"an odd road: {error!r}")
     out = rig.run(rsu, "--config", example, "--print-config")[1]
     again.write_text(out)
     check(rig.run(rsu, "--config", again, "--print-config", cwd="/")[1] == out, "anywhere")

@@ -39,6 +39,7 @@ static verge_body body;
 static verge_body_fault body_fault;
 static verge_vehicle_fault vehicle_fault;
 static verge_road_fault road_fault;
+static verge_lane_report lane_report;
 static verge_action_step action_step;
 static verge_signal_fault signal_fault;
 static verge_signal traffic_signals[2];

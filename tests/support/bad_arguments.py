@@ -39,6 +39,7 @@ VALID = {
     "verge_humans**": "&made_humans", "verge_humans*": "humans",
     "const verge_road**": "&made_road", "const verge_road*": "road",
     "const verge_road_def*": "&road_def", "verge_road_fault*": "&road_fault",
+    "verge_lane_report*": "&lane_report",
     "verge_memory_term*": "terms", "verge_plan*": "&plan",
     "const verge_vehicle*": "vehicles", "verge_vehicle*": "vehicles",
     "verge_vehicle* room": "placed", "verge_lane_position*": "positions",

@@ -81,6 +81,10 @@ verge_body verge_body_of_size(verge_body_kind kind, double length, double width)
 /// 12 m a truck (Directive 96/53/EC: no rigid truck is longer), above a bus.
 verge_body verge_body_by_size(double length, double width);
 
+/// [m] radius of the tightest turn of its rear axle: wheelbase / tan(steer_max). 0: null, or a body
+/// without these numbers.
+double verge_body_radius_min(const verge_body* body);
+
 /// One number of a body, for programs that read bodies by name (JSON, manuals).
 typedef struct verge_body_param {
     const char* name; ///< as the field

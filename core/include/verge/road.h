@@ -115,6 +115,36 @@ verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_i
 bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
                    double* x, double* y, double* heading);
 
+/// What is odd about a lane that can be built.
+typedef struct verge_lane_warning {
+    const char* field;      ///< "centerline", "left", "right" or "successors"
+    const char* text;       ///< what is odd; where it has a number, the text names its unit
+    double      value;      ///< that number, else 0
+    int32_t     other_lane; ///< id of the other lane that it is about, or VERGE_NO_LANE
+} verge_lane_warning;
+enum { VERGE_LANE_WARNINGS_MAX = 8 };
+
+/// What a lane is like to drive, and what is odd about its survey.
+typedef struct verge_lane_report {
+    int32_t  lane_id;
+    double   deviation;     ///< [m] as verge_road_deviation()
+    double   radius_min;    ///< [m] of the sharpest bend of the line; at most 1e6, a straight line
+    double   radius_s;      ///< [m] where along the line that is
+    double   speed_min;     ///< [m/s] lowest speed that speed limits and bends allow on the lane
+    verge_lane_warning warnings[VERGE_LANE_WARNINGS_MAX]; ///< the first ones, by field
+    uint32_t warning_count; ///< of them
+} verge_lane_report;
+
+/// Reports one lane of a built road; def is what it was built from. Warns of: a survey too sparse
+/// for its bend, a corner cut inside the lane, a lane that crosses itself; a neighbour that does
+/// not name this lane, runs in the other direction, lies on the other side, or is nowhere beside
+/// it; a successor that begins at an angle above 10 degrees or more than 0.5 m away. Whether a
+/// body can drive the sharpest bend: compare radius_min with verge_body_radius_min(). Takes time
+/// proportional to the square of the lane's points.
+/// @retval VERGE_ERR_ARGUMENT  null pointer, no such lane, or not the def of this road
+verge_status verge_road_report(const verge_road* road, const verge_road_def* def,
+                               uint32_t lane_index, verge_lane_report* report);
+
 // Of an unknown lane these are 0, VERGE_NO_LANE or false. In all functions `road` is not null.
 double  verge_road_length(const verge_road* road, int32_t lane_id);      ///< [m] reference line
 double  verge_road_width(const verge_road* road, int32_t lane_id);       ///< [m]

@@ -16,6 +16,8 @@ extern "C" {
 #define VG_FIT_OUTLIER 0.30
 #define VG_FIT_MEAN 0.11
 #define VG_FIT_WINDOW 6.0
+/// An arc through surveyed points leaves their chord by less than this, or it is not believed. [m]
+#define VG_FIT_RISE 0.15
 /// Surveyed points nearer to one another than this are averaged: the fit takes a sample a metre,
 /// and the mean of several points has less noise than each. [m]
 #define VG_SURVEY_SPACING 0.5
@@ -75,6 +77,13 @@ vg_survey vg_survey_from(const verge_lane_def* lane, bool backwards);
 bool      vg_survey_next(vg_survey* survey, double point[2]); ///< false: there are no more
 double    vg_survey_length(const verge_lane_def* lane);       ///< [m] of the polyline so reduced
 uint32_t  vg_survey_count(const verge_lane_def* lane);        ///< points so reduced
+
+/// Direction and curvature of a survey at its start or its end: of the circle through that point
+/// and two more, 3 m apart or more.
+typedef struct vg_bearing {
+    double heading, curvature; ///< [rad], [1/m]
+} vg_bearing;
+vg_bearing vg_survey_bearing(const verge_lane_def* lane, bool end);
 
 /// Knots of a lane's line: follows from the survey's length alone, so that memory can be sized
 /// without fitting.

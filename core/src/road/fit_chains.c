@@ -9,9 +9,6 @@ static const double joint_share = 0.2; // [1] and no further apart than this sha
 /// A lane shorter than this does not tell the direction of all lanes that meet it. [m]
 static const double leader_length = 10.0;
 
-/// Distance of the points that tell the direction of a survey: over it noise is small. [m]
-static const double bearing_length = 3.0;
-
 /// In place of the index of the only lane that leads somewhere.
 enum { NONE = -1, SEVERAL = -2 };
 
@@ -99,49 +96,12 @@ void vg_fit_chains_from(vg_fit_chains* all, const verge_road_def* def)
 
 // ------------------------------------------------------------------------------ places
 
-/// The next point of a survey at least `bearing_length` from `from`; false: there is none.
-static bool next_point(vg_survey* survey, const double from[2], double point[2])
-{
-    while (vg_survey_next(survey, point)) {
-        if (vg_square(point[0] - from[0]) + vg_square(point[1] - from[1])
-            >= vg_square(bearing_length)) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/// Direction and curvature of a survey at one of its ends.
-typedef struct bearing {
-    double heading, curvature; ///< [rad], [1/m]
-} bearing;
-
-/// Of the circle through the end and two more points.
-static bearing bearing_at(const verge_lane_def* lane, bool last)
-{
-    double p[3][2];
-    vg_survey survey = vg_survey_from(lane, last);
-    const double away = last ? -1.0 : 1.0; // the survey is read away from this end
-    (void)vg_survey_next(&survey, p[0]);
-    const bool has_next = next_point(&survey, p[0], p[1]);
-    const double ax = away * (p[1][0] - p[0][0]), ay = away * (p[1][1] - p[0][1]);
-    bearing at = { .heading = vg_atan2(ay, ax) };
-    if (has_next && next_point(&survey, p[1], p[2])) {
-        const double bx = away * (p[2][0] - p[1][0]), by = away * (p[2][1] - p[1][1]);
-        const double first = vg_sqrt(ax * ax + ay * ay);
-        const double turn = vg_atan2(ax * by - ay * bx, ax * bx + ay * by);
-        at.curvature = away * turn / (0.5 * (first + vg_sqrt(bx * bx + by * by)));
-        at.heading -= away * 0.5 * first * at.curvature;
-    }
-    return at;
-}
-
 /// How much the road bends where one lane follows another, in direction and in curvature. [rad]
 static double bend_between(const verge_lane_def* from, const verge_lane_def* to)
 {
-    const bearing a = bearing_at(from, true), b = bearing_at(to, false);
-    return vg_abs(vg_wrap_angle(b.heading - a.heading))
-           + bearing_length * vg_abs(b.curvature - a.curvature);
+    static const double length = 3.0; // [m] over which a step of curvature counts as a turn
+    const vg_bearing a = vg_survey_bearing(from, true), b = vg_survey_bearing(to, false);
+    return vg_abs(vg_wrap_angle(b.heading - a.heading)) + length * vg_abs(b.curvature - a.curvature);
 }
 
 /// All steps from a lane's end to the start of a lane that continues it, where chains meet.

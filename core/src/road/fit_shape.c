@@ -3,7 +3,7 @@
 ///
 /// A survey turns evenly from one vertex to the next where both turn to the same side by similar
 /// angles. There the shape is an arc through its vertices, unless the arc would leave the chord by
-/// more than arc_rise: whatever lies between two distant points, they do not tell. Elsewhere the
+/// more than VG_FIT_RISE: whatever lies between two distant points, they do not tell. Elsewhere the
 /// shape is the chord, and leaves it only close to its vertices, by up to bow_max.
 #include "road/fit.h"
 
@@ -14,7 +14,6 @@ static const double sample_spacing = 1.0;     // [m]
 static const double same_point = 0.01;        // [m] vertices this close are one
 static const double even_ratio = 3.0;         // of two turns that are similar
 static const double even_turn_max = 1.3;      // [rad] from chord to chord of a circle
-static const double arc_rise = 0.15;          // [m] of an arc over its chord
 static const double curvature_step = 0.04;    // [1/m] below it two lanes are in one bend
 static const double seam_turn_max = 0.3;      // [rad] above it they are not
 static const double bow_max = 0.1;            // [m] by which an uneven corner may swing out
@@ -85,7 +84,7 @@ static bool turns_evenly(const vg_fit* self, const vg_fit_vertex* v, uint32_t i)
     const double most = vg_max(vg_abs(before), vg_abs(behind));
     const double rise = v[i].chord * 0.5 * (least + most) / 8.0; // c tan(turn / 4) / 2, nearly
     return before * behind > 0.0 && most < even_ratio * least && most < even_turn_max
-           && rise < arc_rise;
+           && rise < VG_FIT_RISE;
 }
 
 /// [m] from a corner at which the shape may leave its chord, so that it swings out by bow_max.
@@ -106,7 +105,7 @@ static uint32_t split_places(const vg_fit_vertex* a, const vg_fit_vertex* b, dou
         return 2;
     }
     const double turn = vg_max(vg_abs(a->turn), vg_abs(b->turn));
-    if (a->chord * turn < 13.5 * arc_rise) {
+    if (a->chord * turn < 13.5 * VG_FIT_RISE) {
         return 0; // all of it is close enough
     }
     places[0] = from < to ? from : a->chord - to;

@@ -4,6 +4,9 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 
+/// Distance of the points that tell the direction of a survey: over it noise is small. [m]
+static const double bearing_length = 3.0;
+
 static double distance(const double a[2], const double b[2])
 {
     return vg_sqrt(vg_square(a[0] - b[0]) + vg_square(a[1] - b[1]));
@@ -127,4 +130,35 @@ uint32_t vg_survey_count(const verge_lane_def* lane)
         ++count;
     }
     return count;
+}
+
+/// The next point of a survey at least `bearing_length` from `from`; false: there is none.
+static bool next_point(vg_survey* survey, const double from[2], double point[2])
+{
+    while (vg_survey_next(survey, point)) {
+        if (vg_square(point[0] - from[0]) + vg_square(point[1] - from[1])
+            >= vg_square(bearing_length)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+vg_bearing vg_survey_bearing(const verge_lane_def* lane, bool last)
+{
+    double p[3][2];
+    vg_survey survey = vg_survey_from(lane, last);
+    const double away = last ? -1.0 : 1.0; // the survey is read away from this end
+    (void)vg_survey_next(&survey, p[0]);
+    const bool has_next = next_point(&survey, p[0], p[1]);
+    const double ax = away * (p[1][0] - p[0][0]), ay = away * (p[1][1] - p[0][1]);
+    vg_bearing at = { .heading = vg_atan2(ay, ax) };
+    if (has_next && next_point(&survey, p[1], p[2])) {
+        const double bx = away * (p[2][0] - p[1][0]), by = away * (p[2][1] - p[1][1]);
+        const double first = vg_sqrt(ax * ax + ay * ay);
+        const double turn = vg_atan2(ax * by - ay * bx, ax * bx + ay * by);
+        at.curvature = away * turn / (0.5 * (first + vg_sqrt(bx * bx + by * by)));
+        at.heading -= away * 0.5 * first * at.curvature;
+    }
+    return at;
 }

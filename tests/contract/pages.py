@@ -25,7 +25,7 @@ LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 
 def files_of(root):
     for path in sorted(root.iterdir()):
-        if path.is_symlink() or SKIPPED.match(path.name):
+        if path.is_symlink() or (path.is_dir() and SKIPPED.match(path.name)):
             continue
         if path.is_dir():
             yield from files_of(path)

@@ -99,6 +99,7 @@ static struct verge_road* build(world* w)
     w->road = vg_road_build(&arena, &scratch, &def);
     assert_non_null(w->road);
     assert_int_equal(arena.used, measure.used); // what was measured is what was used
+    assert_true(vg_road_holds(w->road));
     look_around(w, NULL, 0);
     return w->road;
 }
@@ -916,6 +917,56 @@ static void test_stretches_may_touch_and_an_empty_list_needs_no_neighbour(void**
     world_free(w);
 }
 
+/// One number of a built road is changed: it does not hold any more.
+#define CHECK_BREAKS(number, wrong)                \
+    do {                                           \
+        const double kept = (double)(number);      \
+        (number) = (wrong);                        \
+        assert_false(vg_road_holds(w->road));      \
+        (number) = kept;                           \
+        assert_true(vg_road_holds(w->road));       \
+    } while (0)
+
+static void test_a_road_with_one_wrong_number_does_not_hold(void** state)
+{
+    (void)state;
+    world* w = world_new();
+    add_lane(w, 1, -1);
+    add_straight(w, 0.0, 0.0, 100.0, 0.0);
+    add_lane(w, -1, 0);
+    add_straight(w, 0.0, 3.5, 100.0, 3.5);
+    add_lane(w, -1, -1); // crosses both
+    add_straight(w, 50.0, -40.0, 50.0, 40.0);
+    add_lane(w, -1, -1);
+    add_straight(w, 100.0, 0.0, 200.0, 0.0);
+    leads_to(w, 0, 3);
+    struct verge_road* road = build(w);
+    vg_lane* lane = &road->lanes[1];
+    double* x = (double*)(uintptr_t)lane->line.x;
+    vg_bin* bins = (vg_bin*)(uintptr_t)lane->bins;
+    CHECK_BREAKS(x[5], NAN);
+    CHECK_BREAKS(x[5], x[5] + 1.0);
+    CHECK_BREAKS(lane->length, 99.0);
+    CHECK_BREAKS(lane->station_end, lane->station_start);
+    CHECK_BREAKS(lane->station_start, lane->station_start + 1.0);
+    CHECK_BREAKS(lane->bundle, LANES);
+    CHECK_BREAKS(lane->left, LANES);
+    CHECK_BREAKS(road->lanes[0].successors[0], 2);
+    CHECK_BREAKS(road->lanes[2].id, 7);
+    assert_int_equal(road->conflicts[0].other, 2);
+    CHECK_BREAKS(road->conflicts[0].other, 1);
+    const float s = bins[3].s, speed = bins[3].speed;
+    bins[3].s = bins[2].s;
+    assert_false(vg_road_holds(road));
+    bins[3].s = s;
+    bins[3].speed = 0.0f;
+    assert_false(vg_road_holds(road));
+    bins[3].speed = speed;
+    assert_true(vg_road_holds(road));
+    assert_false(vg_road_holds(NULL));
+    world_free(w);
+}
+
 /// A random walk with jumps, sharp corners and repeated points that the check lets pass.
 static void add_hostile_lane(world* w, test_rng* rng)
 {
@@ -1000,6 +1051,7 @@ int main(void)
         cmocka_unit_test(test_a_centreline_may_turn_sharply_but_not_double_back),
         cmocka_unit_test(test_a_successor_goes_on_within_ninety_degrees),
         cmocka_unit_test(test_stretches_may_touch_and_an_empty_list_needs_no_neighbour),
+        cmocka_unit_test(test_a_road_with_one_wrong_number_does_not_hold),
         cmocka_unit_test(test_every_road_that_passes_the_check_has_finite_lines),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -152,6 +152,10 @@ enum { VG_NEVER = 255 };
 /// verge_road_check(). A measuring arena (see arena.h) gets exactly the size, at no cost: nothing
 /// is fitted, scratch is not looked at, the result is null. Null also where memory does not fit.
 struct verge_road* vg_road_build(vg_arena* arena, vg_arena* scratch, const verge_road_def* def);
+/// Is the road consistent in itself? Every number is finite, stations and bins rise, what refers to
+/// lanes refers to lanes that exist, lists are in order, both sides of a relation agree. For tests,
+/// and asserted of every road that is built. Linear in the road.
+bool vg_road_holds(const struct verge_road* road);
 /// Bytes of scratch vg_road_build() needs.
 size_t vg_road_scratch_size(const verge_road_def* def);
 

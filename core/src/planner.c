@@ -371,5 +371,7 @@ static void report(verge_planner* self, verge_plan* plan)
     counters->steps++;
     counters->fallbacks += plan->fallback_count;
     counters->unexpanded += plan->search.unexpanded;
+    counters->reordered += self->decision.reordered;
+    counters->unstuck += self->decision.unstuck;
     verge_decider_nodes(self->decider, &counters->nodes_peak, &counters->bytes_per_node);
 }

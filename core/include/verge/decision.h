@@ -132,6 +132,8 @@ typedef struct verge_decision {
     uint32_t vehicles_max;             ///< length of `vehicles`
     verge_vehicle_decision* vehicles;  ///< ascending ids
     verge_search_report search;        ///< zero where no search was made
+    uint32_t reordered;                ///< circles of standing vehicles that got a new order
+    uint32_t unstuck;                  ///< vehicles that stood without a cause, and go first now
 } verge_decision;
 
 /// An empty decision. vehicles: vehicles_max elements, which must outlive the decision.
@@ -155,6 +157,8 @@ typedef struct verge_turn {
     int32_t vehicle_id;
     int64_t arrival;  ///< [us]
     int64_t standing; ///< [us] 0: it does not stand, or it is not its turn
+    int64_t still;    ///< [us] since when it stands, for whatever reason; 0: it moves
+    int64_t helped;   ///< [us] since when it goes first because nobody moved; 0: it does not
 } verge_turn;
 
 /// Who waits for conflict areas. Who comes first goes first, so this is kept from step to step.

@@ -95,6 +95,8 @@ typedef struct verge_counters {
     uint64_t fallbacks;       ///< in all steps
     uint64_t unexpanded;      ///< iterations without a new node because the tree was full
     uint64_t candidates;      ///< trajectories evaluated in all steps
+    uint64_t reordered;       ///< circles of standing vehicles that got a new order, in all steps
+    uint64_t unstuck;         ///< vehicles that stood for 3 s without a cause, in all steps
 } verge_counters;
 
 verge_counters verge_planner_counters(const verge_planner* planner);

@@ -15,10 +15,6 @@
 
 #include <string.h>
 
-// A vehicle brakes for a wall of the order from where this braking reaches it. [m/s^2], [m]
-static const float wall_braking = 1.0f;
-static const float wall_reach = 4.0f;
-
 struct verge_decider {
     verge_planner_def def;
     vg_tree*  tree;
@@ -116,8 +112,11 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
         return VERGE_ERR_CAPACITY;
     }
     vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
+    decision->reordered = decision->unstuck = 0;
     if (self->model->best) {
         vg_order_from(self->order, self->model, &self->flows[0], scene, &commitment->turns);
+        decision->reordered = self->order->reordered;
+        decision->unstuck = self->order->unstuck;
     }
     decision->utime = scene->utime;
     decision->vehicle_count = self->model->controlled_count;
@@ -287,21 +286,6 @@ static verge_action_step step_of(const verge_decider* self, const verge_scene* s
     };
 }
 
-// What a vehicle waits for: a wall of the order that is so near that it has to brake for it.
-static verge_cause why_of(const verge_decider* self, const verge_scene* scene, uint32_t slot)
-{
-    verge_cause cause = { .code = VERGE_WHY_NONE, .vehicle_id = -1, .lane_id = VERGE_NO_LANE };
-    const vg_wall wall = vg_order_wall_why(self->model, &self->flows[0], slot);
-    const float v = self->flows[0].v[slot];
-    const float gap = wall.distance - self->model->half_length[slot];
-    if (wall.why != VERGE_WHY_NONE && gap <= wall_reach + v * v * (0.5f / wall_braking)) {
-        cause.code = wall.why;
-        cause.vehicle_id = id_of(self, scene, wall.slot);
-        cause.lane_id = wall.lane < 0 ? VERGE_NO_LANE : scene->road->lanes[wall.lane].id;
-    }
-    return cause;
-}
-
 // Simulates the decided actions and writes the state of each vehicle after each step.
 static void write_steps(verge_decider* self, const verge_scene* scene,
                         const vg_joint_actions* sequence, verge_decision* decision)
@@ -314,7 +298,8 @@ static void write_steps(verge_decider* self, const verge_scene* scene,
         decision->vehicles[slot].step_count = sequence->step_count;
         decision->vehicles[slot].pass_count =
             vg_order_passes(self->model, scene, slot, decision->vehicles[slot].passes);
-        decision->vehicles[slot].why = why_of(self, scene, slot);
+        decision->vehicles[slot].why =
+            vg_order_reason(self->model, &self->flows[0], scene, slot);
     }
     for (uint32_t t = 0; t < sequence->step_count; ++t) {
         const vg_flow* before = &self->flows[t % 2u];

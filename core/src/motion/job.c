@@ -17,6 +17,8 @@ static const double track_max = 1e8;
 static const double size_slack = 1e-6;
 // No vehicle steers as sharply as this: such a curvature of the last trajectory is not used. [1/m]
 static const double curvature_max = 100.0;
+// A slower vehicle stands. [m/s]
+static const double standing = 0.05;
 // A controlled vehicle farther behind than this is no follower. [m]
 static const double follower_distance = 200.0;
 // A vehicle nearer than this to its last trajectory follows it. [m]
@@ -57,7 +59,9 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
     job->d = at->d;
     job->target = -1;
     job->change_lane = -1;
-    job->curvature = known_curvature(def, vehicle, scene->utime, before);
+    // A vehicle that stands can turn its wheels to the lane's curvature before it starts.
+    job->curvature = vg_abs(vehicle->speed) < standing
+                         ? at->curvature : known_curvature(def, vehicle, scene->utime, before);
     job->track_index = vehicle_index;
     if (!job->on_road) {
         memset(plan, 0, sizeof *plan);

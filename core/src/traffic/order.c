@@ -73,7 +73,8 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
     VERGE_ASSERT(model->count <= self->vehicles_max);
     model->order = self;
     self->slots = 0;
-    self->reordered = 0;
+    self->reordered = self->unstuck = 0;
+    self->blocked = self->helped = 0;
     if (!has_areas(model, flow, scene)) {
         if (turns != NULL) {
             turns->count = 0;
@@ -86,6 +87,9 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
     vg_order_rank(self, model, flow, scene, turns, decision);
     bind(self, model);
     self->slots = model->count;
+    if (turns != NULL && !self->of_humans) {
+        vg_order_watch(self, model, flow, scene, turns);
+    }
 }
 
 void vg_order_from(vg_order* self, vg_model* model, const vg_flow* flow, const verge_scene* scene,
@@ -497,6 +501,9 @@ static float line_of(const vg_model* model, const vg_flow* flow, uint32_t slot,
     // Positions beyond the end, or before the begin, of the common lane.
     const float ahead = parts ? (other - area->other_enter) - (r - area->enter)
                               : (area->leave - r) - (area->other_leave - other);
+    if (parts && ahead <= 0.0f) {
+        return VG_FAR_AWAY; // it follows this one, and goes first once it has merged ahead
+    }
     const float v = vg_maxf(flow->v[j], 0.0f), own = flow->v[slot];
     const float rear = r + ahead - model->half_length[j] - standing_gap;
     const float until = (area->enter - r - model->half_length[slot]) / vg_maxf(own, 1.0f);
@@ -641,8 +648,10 @@ vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t s
         take_wall(&wall, course->red, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
     }
     wall_of_shares(model, flow, slot, r, &wall);
-    wall_of_boxes(model, flow, slot, r, &wall);
-    wall_of_ring(model, flow, slot, r, &wall);
+    if ((order->helped >> slot & 1u) == 0) {
+        wall_of_boxes(model, flow, slot, r, &wall);
+        wall_of_ring(model, flow, slot, r, &wall);
+    }
     return wall;
 }
 
@@ -682,6 +691,34 @@ bool vg_order_conflict(const vg_model* model, const vg_flow* flow, const float* 
 }
 
 // ---------------------------------------------------------------------------- report
+
+verge_cause vg_order_reason(const vg_model* model, const vg_flow* flow, const verge_scene* scene,
+                            uint32_t slot)
+{
+    static const float near = 3.0f, soon_s = 1.0f, braking = 1.5f; // [m], [s], [m/s^2]
+    verge_cause cause = { .vehicle_id = -1, .lane_id = VERGE_NO_LANE };
+    const vg_order* order = model->order;
+    if (order == NULL || order->slots == 0) {
+        return cause;
+    }
+    const vg_wall wall = vg_order_wall_why(model, flow, slot);
+    const float v = flow->v[slot], gap = wall.distance - model->half_length[slot];
+    if ((order->blocked >> slot & 1u) != 0) {
+        cause.code = VERGE_WHY_BLOCKED;
+    } else if (gap < near + soon_s * v + v * v / (2.0f * braking)) {
+        const bool yields = wall.why == VERGE_WHY_AREA
+                            && vg_order_yields(order, model, slot, wall.distance + VG_STOP_BEFORE);
+        cause.code = yields ? VERGE_WHY_YIELD : wall.why;
+    }
+    if (cause.code != VERGE_WHY_NONE && wall.slot >= 0) {
+        cause.vehicle_id = scene->vehicles[model->input_index[wall.slot]].id;
+    }
+    if (cause.code != VERGE_WHY_NONE && wall.lane >= 0) {
+        cause.lane_id = model->road->lanes[wall.lane].id;
+    }
+    return cause;
+}
+
 
 uint32_t vg_order_passes(const vg_model* model, const verge_scene* scene, uint32_t slot,
                          verge_pass passes[VERGE_PASSES_MAX])

@@ -25,7 +25,8 @@
 ///             vehicle on it; this place moves backwards round the ring, and all vehicles move.
 ///             Hence some vehicle moves while any waits. Vehicles and areas are finite, so all get
 ///             through. Outside causes remain: an uncontrolled vehicle, an obstacle, a signal, a full
-///             exit. vg_order_reason() names them.
+///             exit. vg_order_reason() names them. Facts can contradict one another where vehicles
+///             begin inside areas: then progress.c finds the circle and puts one vehicle first.
 ///             Limit: a before b in one area and b before a in another cannot be expressed.
 #ifndef VG_ORDER_H
 #define VG_ORDER_H
@@ -103,7 +104,10 @@ typedef struct vg_order {
                            ///< follow: they go after it
     uint8_t*   rank;       ///< [vehicles_max] 0: first
     uint64_t*  through;    ///< [VERGE_LANES_NEAR_MAX] slots (bits) whose route has a near lane
-    uint32_t   reordered;  ///< circles resolved in this scene
+    uint32_t   reordered;  ///< circles found in this scene: see progress.c
+    uint32_t   unstuck;    ///< vehicles found that stand without a cause
+    uint64_t   blocked;    ///< slots (bits) of these
+    uint64_t   helped;     ///< slots (bits) that go first because nobody moved
 } vg_order;
 
 /// Takes memory for the order of def->vehicles_max vehicles. Null: it does not fit, or the arena is
@@ -143,6 +147,10 @@ static inline bool vg_order_cedes(const vg_order* order, uint32_t i, uint32_t j)
     return order != NULL && order->slots > 0 && (order->cedes[i] >> j & 1u) != 0;
 }
 
+/// What a slot waits for, now or soon; VERGE_WHY_NONE: for nothing that the order knows.
+verge_cause vg_order_reason(const vg_model* model, const vg_flow* flow, const verge_scene* scene,
+                            uint32_t slot);
+
 /// The areas ahead of a slot and whom it passes them after. Returns their number.
 uint32_t vg_order_passes(const vg_model* model, const verge_scene* scene, uint32_t slot,
                          verge_pass passes[VERGE_PASSES_MAX]);
@@ -160,6 +168,16 @@ bool vg_order_has_room(const vg_order* order, const vg_model* model, const vg_fl
 /// are kept.
 void vg_order_share(vg_order* order, uint32_t slot, const vg_share* share);
 
+// ---------------------------------------------------------------------------- progress.c
+
+/// Finds vehicles that stand for 3 s in a circle or without a cause, and notes in their turns that
+/// they go first from the next scene on.
+void vg_order_watch(vg_order* order, const vg_model* model, const vg_flow* flow,
+                    const verge_scene* scene, verge_turns* turns);
+
+/// The turn of a vehicle, null: it has none, or turns is null.
+verge_turn* vg_turn_of(verge_turns* turns, int32_t id);
+
 // ---------------------------------------------------------------------------- zipper.c
 
 /// Adds the sequences at the ends of lanes.
@@ -169,6 +187,9 @@ void vg_order_zip(vg_order* order, const vg_model* model, const vg_flow* flow);
 float vg_order_zip_wall(const vg_model* model, const vg_flow* flow, uint32_t slot, uint32_t first);
 
 // ---------------------------------------------------------------------------- rank.c
+
+/// Does the slot have to yield in an area that begins there on its route, by its lane's priority?
+bool vg_order_yields(const vg_order* order, const vg_model* model, uint32_t slot, float enter);
 
 /// Gives each slot its rank. decision: passes to keep, or null.
 void vg_order_rank(vg_order* order, const vg_model* model, const vg_flow* flow,

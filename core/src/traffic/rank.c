@@ -33,6 +33,8 @@ static const double patience_human = 3.0, patience_planned = 4.0;
 // Added to the arrival of a vehicle that was passed over, that has no room behind its area or a red
 // signal before it, or that does not move at all. [s]
 static const double passed_over = 600.0, no_room = 500.0, never = 1000.0;
+// A vehicle that nobody let go is first for so long. [s]
+static const double helped_s = 10.0;
 
 typedef struct ranking {
     vg_order*       order;
@@ -183,7 +185,7 @@ static void find_arrivals(ranking* self)
 
 // ---------------------------------------------------------------------------- keys
 
-static verge_turn* turn_of(verge_turns* turns, int32_t id)
+verge_turn* vg_turn_of(verge_turns* turns, int32_t id)
 {
     for (uint32_t k = 0; turns != NULL && k < turns->count; ++k) {
         if (turns->of[k].vehicle_id == id) {
@@ -200,10 +202,11 @@ static float legs_begin(const vg_course* course, const verge_road* road, uint32_
 }
 
 // The priority that a vehicle has in an area: that of the last lane before it that has one.
-static verge_priority priority_at(const ranking* self, uint32_t slot, float enter)
+static verge_priority priority_at(const vg_order* order, const vg_model* model, uint32_t slot,
+                                  float enter)
 {
-    const verge_road* road = self->model->road;
-    const vg_course* course = &self->order->courses[slot];
+    const verge_road* road = model->road;
+    const vg_course* course = &order->courses[slot];
     verge_priority found = VERGE_PRIORITY_NONE;
     int32_t before = vg_lane_before(road, (uint32_t)course->legs[0].lane);
     if (before >= 0) {
@@ -240,10 +243,15 @@ static bool has_right(const ranking* self, uint32_t slot)
     return found;
 }
 
+bool vg_order_yields(const vg_order* order, const vg_model* model, uint32_t slot, float enter)
+{
+    return must_yield(priority_at(order, model, slot, enter));
+}
+
 static double delay_by_rule(const ranking* self, uint32_t slot)
 {
     const float enter = shares_of(self, slot)->enter;
-    const verge_priority priority = priority_at(self, slot, enter);
+    const verge_priority priority = priority_at(self->order, self->model, slot, enter);
     double delay = must_yield(priority) ? yields : 0.0;
     if (priority == VERGE_PRIORITY_RIGHT_BEFORE_LEFT && has_right(self, slot)) {
         delay += from_right;
@@ -262,18 +270,36 @@ static double kept_arrival(double arrival, int64_t utime, const verge_turn* befo
     return late || arrival < first - earlier ? arrival : first;
 }
 
+// Since when does the vehicle stand, and does it still go first because nobody moved?
+static void count_standing(const ranking* self, uint32_t slot, int64_t utime,
+                           const verge_turn* before, verge_turn* turn)
+{
+    if (before != NULL && before->helped != 0
+        && vg_seconds_between(before->helped, utime) < helped_s) {
+        turn->helped = before->helped;
+    }
+    if (slot < self->model->controlled_count && vg_fabsf(self->flow->v[slot]) < standing) {
+        turn->still = before != NULL && before->still != 0 ? before->still : utime;
+    }
+}
+
 static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turns)
 {
     verge_turns kept = { 0 };
     for (uint32_t i = 0; i < self->model->count; ++i) {
         const int32_t id = scene->vehicles[self->model->input_index[i]].id;
-        const verge_turn* before = turn_of(turns, id);
+        const verge_turn* before = vg_turn_of(turns, id);
         self->key[i] = never;
+        verge_turn turn = { .vehicle_id = id, .arrival = scene->utime };
+        count_standing(self, i, scene->utime, before, &turn);
         if (self->order->courses[i].share_count == 0 || self->arrival[i] >= VG_FAR_AWAY) {
+            if (turn.still != 0) {
+                kept.of[kept.count++] = turn;
+            }
             continue;
         }
         const double arrival = kept_arrival((double)self->arrival[i], scene->utime, before);
-        verge_turn turn = { .vehicle_id = id, .arrival = scene->utime + (int64_t)(arrival * 1e6) };
+        turn.arrival = scene->utime + (int64_t)(arrival * 1e6);
         self->key[i] = arrival + delay_by_rule(self, i);
         if (before != NULL && before->standing != 0 && self->flow->v[i] < standing) {
             turn.standing = before->standing;
@@ -284,6 +310,10 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
         if (self->order->courses[i].red < shares_of(self, i)->enter
             || !vg_order_has_room(self->order, self->model, self->flow, i)) {
             self->key[i] += no_room;
+        }
+        if (turn.helped != 0) {
+            self->order->helped |= (uint64_t)1 << i;
+            self->key[i] = -passed_over;
         }
         kept.of[kept.count++] = turn;
     }
@@ -306,6 +336,16 @@ static uint32_t grade(const ranking* self, uint32_t slot, float enter, float mar
                                                        : FREE;
 }
 
+static bool merge_before(const ranking* self, uint32_t i, const vg_share* area)
+{
+    const vg_share* shares = shares_of(self, i);
+    bool found = false;
+    for (const vg_share* at = shares; at < area; ++at) {
+        found = found || (at->kind == VG_SHARE_MERGE && at->other == area->other);
+    }
+    return found;
+}
+
 // Has the other vehicle to go first in this area, whatever their times are?
 static bool goes_first(const ranking* self, uint32_t i, const vg_share* area)
 {
@@ -316,8 +356,9 @@ static bool goes_first(const ranking* self, uint32_t i, const vg_share* area)
     if (area->kind == VG_SHARE_ZIP) {
         return false; // decided in zipper.c
     }
-    if (area->kind == VG_SHARE_PART) { // the one ahead
-        return area->other_enter < area->enter || (area->other_enter == area->enter && j < i);
+    if (area->kind == VG_SHARE_PART) { // the one ahead, unless they merge first
+        return !merge_before(self, i, area)
+               && (area->other_enter < area->enter || (area->other_enter == area->enter && j < i));
     }
     if (own != other || own == FREE) {
         return other > own;
@@ -340,8 +381,8 @@ static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
         || area->kind >= VG_SHARE_PART || grade(self, i, area->enter, vg_share_margin(area)) != FREE) {
         return false;
     }
-    if (must_yield(priority_at(self, j, area->other_enter))
-        && !must_yield(priority_at(self, i, area->enter))) {
+    if (vg_order_yields(self->order, self->model, j, area->other_enter)
+        && !vg_order_yields(self->order, self->model, i, area->enter)) {
         return false;
     }
     const float half = self->model->half_length[i], half_j = self->model->half_length[j];
@@ -417,7 +458,7 @@ static void count_patience(const ranking* self, const verge_scene* scene, verge_
 {
     for (uint32_t i = 0; i < self->model->count; ++i) {
         const int32_t id = scene->vehicles[self->model->input_index[i]].id;
-        verge_turn* turn = turn_of(turns, id);
+        verge_turn* turn = vg_turn_of(turns, id);
         if (turn == NULL || is_planned(self, i) || turn->standing != 0
             || self->flow->v[i] >= standing) {
             continue;

@@ -162,8 +162,24 @@ def a_run_on_dds_replays(rig):
     check(code == 0 and "every digest is the same" in out, f"{code} {out} {error}")
 
 
+def a_run_with_traffic_signals_replays(rig):
+    scene = json.loads(SCENARIO.read_text())
+    scene["signals"] = [{"lane": lane["id"], "start": -0.5, "phases": [
+        {"state": "green", "seconds": 1.2}, {"state": "yellow", "seconds": 1}, {"state": "red", "seconds": 9}]}
+        for lane in scene["road"]["lanes"]]
+    lit = rig.folder / "lit.json"
+    lit.write_text(json.dumps(scene))
+    config = rig.planning()
+    with Daemon(rig, config) as rsu:
+        run = recorded(rig, "run.jsonl", 4, scenario=lit)
+        check("other_map" not in rsu.text() and "states_refused" not in rsu.text(), rsu.text())
+    code, out, error = replayed(rig, run, "--config", config)
+    check(code == 0 and "every digest is the same" in out and error == "", f"{code} {out} {error}")
+
+
 CASES = [
     a_run_replays_whatever_was_planned_before,
+    a_run_with_traffic_signals_replays,
     a_run_with_the_parameters_of_its_scenario_needs_no_configuration,
     a_run_replays_where_cycles_were_late,
     a_run_on_dds_replays,

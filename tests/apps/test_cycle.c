@@ -137,6 +137,58 @@ static void assert_planned(const unit* self, int32_t id)
     }
 }
 
+// ---- traffic signals ------------------------------------------------------------------------
+
+static bool show(unit* self, int32_t lane, verge_signal_state state, double t, double change)
+{
+    static transport_message message;
+    message.kind = TRANSPORT_SIGNAL;
+    message.arrival_utime = instant(t);
+    message.as.signal = (verge_lane_signal_t){
+        .utime = instant(t), .change_utime = change < 0.0 ? 0 : instant(change), .lane = lane,
+        .state = (int16_t)state, .protocol_version = WIRE_PROTOCOL_VERSION,
+    };
+    return cycle_offer(&self->cycle, &message);
+}
+
+static void test_a_cycle_plans_with_what_the_signals_show_at_its_instant(void** state)
+{
+    (void)state;
+    unit* self = unit_start();
+    hear(self, 2, 0.4, true);
+    assert_true(show(self, 0, VERGE_SIGNAL_GREEN, 0.0, 2.5));
+    assert_true(show(self, 1, VERGE_SIGNAL_OFF, 0.0, -1.0));
+    assert_false(show(self, 7, VERGE_SIGNAL_RED, 0.0, -1.0)); // no such lane
+    assert_int_equal(self->cycle.inbox.counters.rx_out_of_range, 1);
+    run_at(self, 0.5);
+    const verge_scene* scene = verge_planner_scene(self->planner);
+    assert_int_equal(scene->signal_count, 2);
+    assert_int_equal(scene->signals[0].state, VERGE_SIGNAL_GREEN);
+    CHECK_NEAR(scene->signals[0].change_s, 2.0, 1e-9);
+    hear(self, 2, 2.9, true);
+    run_at(self, 3.0); // green is over, and nobody says what it shows now
+    scene = verge_planner_scene(self->planner);
+    assert_int_equal(scene->signals[0].state, VERGE_SIGNAL_RED);
+    assert_int_equal(scene->signals[1].state, VERGE_SIGNAL_OFF);
+    assert_int_equal(self->cycle.status, VERGE_OK);
+    unit_end(self);
+}
+
+static void test_a_plan_names_the_road_and_the_version(void** state)
+{
+    (void)state;
+    unit* self = unit_start();
+    self->cycle.def.map_crc32 = 0xc0ffee;
+    hear(self, 2, 0.4, true);
+    run_at(self, 0.5);
+    const verge_vehicle_plan_t* plan = message_for(self, 2);
+    assert_non_null(plan);
+    assert_int_equal(plan->map_crc32, 0xc0ffee);
+    assert_int_equal(plan->protocol_version, WIRE_PROTOCOL_VERSION);
+    assert_null(wire_plan_check(plan));
+    unit_end(self);
+}
+
 // ---- plans ----------------------------------------------------------------------------------
 
 static void test_every_controlled_vehicle_gets_one_valid_plan_a_cycle(void** state)
@@ -838,6 +890,8 @@ static void test_overruns_do_not_change_a_plan(void** state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_cycle_plans_with_what_the_signals_show_at_its_instant),
+        cmocka_unit_test(test_a_plan_names_the_road_and_the_version),
         cmocka_unit_test(test_every_controlled_vehicle_gets_one_valid_plan_a_cycle),
         cmocka_unit_test(test_the_same_messages_and_instants_give_the_same_bytes),
         cmocka_unit_test(test_a_cycle_without_vehicles_says_nothing),

@@ -148,27 +148,19 @@ static void a_change_ends_where_there_is_room_beside_a_body(void** state)
     stage_close(at);
 }
 
-/// Distance kept from a body at d in closed loop, on the way from 60 m before it to 20 m past it.
-static double pass(double d, double* beyond)
+/// Drives vehicle 0 in closed loop until it is past x, with vehicle 1 at rest. Returns the smallest
+/// distance of both.
+static double drive(stage* at, verge_vehicle both[2], double x, bool planned)
 {
-    stage* at = stage_open_best(1, 500.0);
     const size_t size = (verge_planner_memory_size(&at->def) + 63) / 64 * 64;
     void* memory = aligned_alloc(64, size);
     verge_planner* planner = NULL;
     assert_int_equal(verge_planner_init(&planner, &at->def, memory, size), VERGE_OK);
-    verge_vehicle both[2] = { verge_vehicle_default(), verge_vehicle_default() };
-    both[0].controlled = true;
-    both[0].x = 40.0;
-    both[0].speed = 9.0;
-    both[0].width = both[1].width = 1.8;
-    both[1].id = 1;
-    both[1].x = 100.0;
-    both[1].y = d;
     static verge_plan plan;
     double least = 100.0;
-    for (int64_t cycle = 0; cycle < 60 && both[0].x < 125.0; ++cycle) {
+    for (int64_t cycle = 0; cycle < 60 && both[0].x < x; ++cycle) {
         assert_int_equal(verge_planner_step(planner, 500000 * cycle, both, 2, &plan), VERGE_OK);
-        assert_int_equal(plan.vehicles[0].status, VERGE_PLANNED);
+        assert_true(!planned || plan.vehicles[0].status == VERGE_PLANNED);
         for (uint32_t k = 1; k <= 5; ++k) {
             const verge_point* p = &plan.vehicles[0].points[k];
             both[0].x = p->x;
@@ -180,8 +172,42 @@ static double pass(double d, double* beyond)
             least = fmin(least, verge_vehicles_distance(&both[0], &both[1]));
         }
     }
-    *beyond = both[0].x;
     free(memory);
+    return least;
+}
+
+static void a_vehicle_gets_out_from_behind_a_body_that_stands(void** state)
+{
+    (void)state;
+    stage* at = stage_open_best(2, 500.0);
+    for (double gap = 4.5; gap < 30.0; gap += 2.5) {
+        verge_vehicle both[2] = { verge_vehicle_default(), verge_vehicle_default() };
+        both[0].controlled = true;
+        both[0].x = 100.0;
+        both[1].id = 1;
+        both[1].x = 105.0 + gap;
+        CHECK_BETWEEN(drive(at, both, both[1].x + 10.0, false), 0.1, 10.0);
+        if (both[0].x <= both[1].x + 10.0) {
+            fail_msg("stands at %.1f, %.1f m behind the body", both[0].x, gap);
+        }
+    }
+    stage_close(at);
+}
+
+/// Distance kept from a body at d in closed loop, on the way from 60 m before it to 20 m past it.
+static double pass(double d, double* beyond)
+{
+    stage* at = stage_open_best(1, 500.0);
+    verge_vehicle both[2] = { verge_vehicle_default(), verge_vehicle_default() };
+    both[0].controlled = true;
+    both[0].x = 40.0;
+    both[0].speed = 9.0;
+    both[0].width = both[1].width = 1.8;
+    both[1].id = 1;
+    both[1].x = 100.0;
+    both[1].y = d;
+    const double least = drive(at, both, 125.0, true);
+    *beyond = both[0].x;
     stage_close(at);
     return least;
 }
@@ -209,6 +235,7 @@ int main(void)
         cmocka_unit_test(
             a_body_that_reaches_in_from_the_lane_beside_counts_and_the_paper_knows_none),
         cmocka_unit_test(a_change_ends_where_there_is_room_beside_a_body),
+        cmocka_unit_test(a_vehicle_gets_out_from_behind_a_body_that_stands),
         cmocka_unit_test(a_vehicle_drives_past_whatever_leaves_it_room),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

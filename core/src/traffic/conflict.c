@@ -8,6 +8,9 @@
 // Smallest gap between two bodies after joint actions. [m]
 static const float joint_gap_along = 1.0f;
 static const float joint_gap_across = 0.3f;
+// A vehicle that turns out slowly before a body that stands does not move along a straight line: the
+// trajectory knows whether it gets past. [m/s], lateral motion of the step [m]
+static const float turning_speed = 3.0f, turning_offset = 0.3f;
 
 static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1,
                            uint32_t i, uint32_t j);
@@ -64,7 +67,12 @@ static bool too_close(const vg_model* model, const vg_flow* flow, const chosen* 
     const float y1 = vg_gap_left(model, i, j, to->y[i], to->y[j]);
     const float length = model->half_length[i] + model->half_length[j];
     const float width = model->half_width[i] + model->half_width[j];
-    const float ex = length + gap_along_to(model, flow, j), ey = width + joint_gap_across;
+    const float gap = gap_along_to(model, flow, j);
+    const float ex = length + gap, ey = width + joint_gap_across;
+    if (gap < joint_gap_along && flow->v[i] <= turning_speed
+        && vg_fabsf(y1 - y0) > turning_offset) {
+        return vg_fabsf(x1) < length && vg_fabsf(y1) < width;
+    }
     if (!model->single_axis && flow->station[i] <= vg_pair_row(model, i)[j].touch) {
         // Their lanes come close in this step only: their distance before it has no meaning.
         return crosses(x0, y0, x1, y1, ex, ey);

@@ -52,6 +52,8 @@ static const float finish_room = 1.5f, finish_left = 1.0f, finish_s = 2.0f;
 static const float squeeze_speed = 2.5f, close_distance = 15.0f, standing_speed = 0.5f;
 // Lateral speed of a change, and time to spare when the body ahead is cleared. [m/s], [s]
 static const float clearing_speed = 1.1f, clearing_reserve = 0.2f;
+// A change out from behind a body has begun from this offset on. [m], below this speed [m/s]
+static const float begun_offset = 0.1f, walking_speed = 3.0f;
 // Lateral clearance when passing a body. [m]
 static const float pass_clearance = 0.3f;
 // Lanes whose time to go is longer by this much are not entered. [s]
@@ -410,7 +412,10 @@ static passing pass_leader(const vg_model* model, const vg_flow* flow, const vg_
     const float dy = vg_gap_left(model, slot, (uint32_t)keep->ahead, flow->y[slot],
                                  flow->y[keep->ahead]);
     const float needed = across > 0.0f ? widths + dy : widths - dy;
-    if (close && v <= turning_speed && needed / slope_of_nose <= now - pass_clearance) {
+    // One that has begun to turn goes on: only the trajectory knows the way of its nose.
+    const bool begun = across * off_goal(model, flow, slot) > begun_offset && v <= walking_speed;
+    if (close && v <= turning_speed
+        && (begun || needed / slope_of_nose <= now - pass_clearance)) {
         return (passing){ vg_maxf(v, squeeze_speed), true };
     }
     const float closing = vg_maxf(v - keep->v_ahead, 0.1f);

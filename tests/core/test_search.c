@@ -175,8 +175,9 @@ static void plans_are_legal_and_free_of_conflicts(void** state)
     for (uint32_t k = 0; k < test_rounds(60); ++k) {
         self->at->def.iterations = 400;
         self->at->def.search = VERGE_SEARCH_BEST;
+        // Gaps from which everybody can still brake.
         stage_fill(self->at, &rng, 1 + test_rng_below(&rng, 8), test_rng_below(&rng, 6), 100.0,
-                   300.0, 12.0);
+                   400.0, 30.0);
         (void)run(self, k, NULL);
         if (self->decision.report.nodes_first > 0) { // a complete plan was seen
             check_plan(self->at, &self->decision, true);
@@ -215,15 +216,30 @@ static uint8_t change_of(uint8_t action)
     return action == VERGE_CHANGE_LEFT || action == VERGE_CHANGE_RIGHT ? action : 0;
 }
 
-/// Share of X_flow of the vehicles that two lines send across at other times or to other sides.
+// Sides in their order, each once: an earlier begin and a longer change are no other changes.
+static void append_change(char* list, int side, uint32_t step, uint32_t* first)
+{
+    const size_t length = strlen(list);
+    const char letter = side == VERGE_CHANGE_LEFT ? 'l' : 'r';
+    if (side != 0 && (length == 0 || list[length - 1] != letter)) {
+        *first = length == 0 ? step : *first;
+        list[length] = letter;
+        list[length + 1] = '\0';
+    }
+}
+
+/// Share of X_flow of the vehicles that two lines send across later or to other sides.
 static double share_switched(const stage* at, const vg_joint_actions* a, const vg_joint_actions* b)
 {
     double share = 0.0;
     for (uint32_t i = 0; i < at->scene.controlled_count; ++i) {
-        bool same = true;
+        char before[VERGE_STEPS_MAX + 1] = "", now[VERGE_STEPS_MAX + 1] = "";
+        uint32_t first[2] = { at->def.steps, at->def.steps };
         for (uint32_t t = 0; t < at->def.steps; ++t) {
-            same = same && change_of(a->actions[t][i]) == change_of(b->actions[t][i]);
+            append_change(before, change_of(a->actions[t][i]), t, &first[0]);
+            append_change(now, change_of(b->actions[t][i]), t, &first[1]);
         }
+        const bool same = strcmp(before, now) == 0 && first[1] <= first[0];
         share += same ? 0.0 : (double)at->scene.weight[i];
     }
     return share;
@@ -252,6 +268,25 @@ static void a_plan_must_beat_the_warm_line_by_the_margin_of_those_it_changes(voi
         kept += same;
     }
     assert_true(kept > 0);
+    close_search(self);
+}
+
+/// Two bodies that overlap: every plan begins with a conflict, and all rewards are below zero.
+static void a_scene_without_any_plan_free_of_conflicts_has_a_plan(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("overlap");
+    played* self = open_search(2, 2000.0);
+    for (uint32_t k = 0; k < test_rounds(20); ++k) {
+        stage_clear(self->at);
+        self->at->def.iterations = 3000;
+        stage_add(self->at, true, 0, 100.0, 0.0, test_rng_between(&rng, 0.0, 10.0), 1);
+        stage_add(self->at, k % 2 == 0, 0, 101.0, 0.5, test_rng_between(&rng, 0.0, 10.0), -1);
+        stage_add(self->at, false, 1, 100.0, 0.0, test_rng_between(&rng, 0.0, 10.0), -1);
+        stage_begin(self->at);
+        CHECK_BETWEEN(run(self, k, NULL), 0.0, 1.0);
+        check_plan(self->at, &self->decision, false);
+    }
     close_search(self);
 }
 
@@ -467,6 +502,7 @@ int main(void)
         cmocka_unit_test(the_papers_plan_comes_near_the_best_of_all_plans_and_never_above),
         cmocka_unit_test(plans_are_legal_and_free_of_conflicts),
         cmocka_unit_test(a_warm_line_that_fails_does_not_become_the_plan),
+        cmocka_unit_test(a_scene_without_any_plan_free_of_conflicts_has_a_plan),
         cmocka_unit_test(a_plan_must_beat_the_warm_line_by_the_margin_of_those_it_changes),
         cmocka_unit_test(the_budget_is_spent_to_the_last_iteration),
         cmocka_unit_test(a_full_pool_is_counted_and_does_not_end_the_search),

@@ -211,6 +211,7 @@ static int32_t uct_child(const vg_search* self, const vg_metanode* node)
             best_value = value;
         }
     }
+    VERGE_ASSERT(best != VG_NO_NODE);
     return best;
 }
 
@@ -323,7 +324,7 @@ static void iterate(vg_search* self, int32_t root)
             at = vg_tree_add(self, at, actions, self->flow);
         }
     }
-    const double reward = simulate(self);
+    const double reward = vg_max(simulate(self), 0.0); // below 0 only for conflicts that remain
     for (; at != VG_NO_NODE; at = self->tree->nodes[at].parent) {
         vg_metanode* node = &self->tree->nodes[at];
         node->visits++;

@@ -218,11 +218,12 @@ static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* 
     const float way = v < braking * dt ? 0.5f * v * v / braking : 0.5f * (v + v_dc) * dt;
     set_state(flow, moves, slot, VG_SLOW_DOWN, v_dc, way);
 
-    static const float slack = 0.1f; // [m/s]
+    // No slack before a place where the vehicle has to stop: it would creep past it.
+    const float slack = most > 1.0f ? 0.1f : 0.0f; // [m/s]
     const float kept = kept_speed(model, flow, keep, slot, most);
     uint32_t legal = kept <= most + slack ? 1u << VERGE_KEEP_SPEED : 0u;
-    legal |= v_ac > v + 0.5f * slack ? 1u << VERGE_ACCELERATE : 0u;
-    legal |= v > slack || legal == 0 ? 1u << VERGE_DECELERATE : 0u;
+    legal |= v_ac > v + 0.05f ? 1u << VERGE_ACCELERATE : 0u;
+    legal |= v > 0.0f || legal == 0 ? 1u << VERGE_DECELERATE : 0u;
     moves->legal[slot] = (uint8_t)legal;
     return kept;
 }

@@ -272,11 +272,38 @@ static void close_behind_a_standing_body_it_comes_out_beside_it(void** state)
     free(at.memory);
 }
 
+/// The planner as a whole: a change that it decides at standstill is driven before it is too late.
+static void from_standstill_behind_a_standing_body_it_drives_past(void** state)
+{
+    (void)state;
+    static verge_plan plan;
+    site at = site_make(2, 0.0);
+    for (double gap = 6.0; gap < 20.0; gap += 1.3) {
+        verge_vehicle vehicles[2] = { standing(&at, 40.0, 0.0, 0.0),
+                                      standing(&at, 44.8 + gap, 0.0, 0.0) };
+        vehicles[0].controlled = true;
+        vehicles[1].id = 2;
+        verge_planner_reset(at.planner);
+        for (int64_t cycle = 0; cycle < 60; ++cycle) {
+            assert_int_equal(verge_planner_step(at.planner, 500000 * cycle, vehicles, 2, &plan),
+                             VERGE_OK);
+            drive_on(&plan.vehicles[0], &vehicles[0]);
+            assert_false(verge_vehicles_overlap(&vehicles[0], &vehicles[1]));
+        }
+        if (vehicles[0].x < vehicles[1].x + 4.8) {
+            fail_msg("gap %.1f: at %.1f, %.1f, turned by %.2f", gap, vehicles[0].x, vehicles[0].y,
+                     vehicles[0].heading);
+        }
+    }
+    free(at.memory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(turned_against_its_lane_it_comes_back_and_drives_on),
         cmocka_unit_test(close_behind_a_standing_body_it_comes_out_beside_it),
+        cmocka_unit_test(from_standstill_behind_a_standing_body_it_drives_past),
         cmocka_unit_test(a_corner_sharper_than_its_steering_is_driven_at_walking_speed),
         cmocka_unit_test(while_it_stands_it_keeps_its_heading),
     };

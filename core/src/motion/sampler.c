@@ -25,6 +25,9 @@ enum {
 static const double jolt_speed = 0.5;
 /// A slower vehicle stands; a faster one does not need the simulated driver. [m/s]
 static const double standing = 0.3, walking = 2.0;
+/// A change of lane that ends this far from where it was decided is late. The simulated driver is
+/// taken if it ends nearer by the second. [m]
+static const double late_from = 0.6, nearer_by = 0.2;
 /// An end speed decided below the comfortable ones by this much is meant. [m/s]
 static const double hard_from = 1.0;
 /// Braking before the end of a lane without the limits of normal driving, on a dry road. [m/s^2]
@@ -41,6 +44,7 @@ typedef struct chain {
 
 static bool plan_sampled(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 static bool attempt_chains(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
+static double distance_beside(const vg_workspace* ws, const vg_job* job, uint32_t lane);
 static bool is_hindered(const vg_job* job, double speed);
 static bool plan_chain(vg_workspace* ws, const chain* chain, const vg_segment* segments,
                        uint32_t count);
@@ -98,21 +102,40 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
 /// A trajectory that is no fallback.
 static bool plan_sampled(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
 {
-    const uint32_t lane = vg_straighten_lane(job);
+    const uint32_t lane = vg_straighten_lane(job), last = job->def->points - 1;
     if (vg_straighten_applies(ws, job) && vg_straighten(ws, job, tracks, lane)) {
         ws->keeps_lane = lane == job->lane;
         return true;
     }
     const bool found = attempt_chains(ws, job, tracks);
-    const double speed = found ? ws->motion[job->def->points - 1].speed : -1.0;
-    const bool gives_up = lane != job->lane && ws->keeps_lane;
-    if ((found && !gives_up && !is_hindered(job, speed)) || !vg_straighten_can(ws, job)) {
+    if (!vg_straighten_can(ws, job)) {
         return found;
+    }
+    const double speed = found ? ws->motion[last].speed : -1.0;
+    const double beside = found && !ws->keeps_lane ? distance_beside(ws, job, lane) : VG_HUGE;
+    const bool late = lane != job->lane && beside > late_from
+                      && vg_straighten_is_close(ws, job, tracks);
+    if (found && !late && !is_hindered(job, speed)) {
+        return true;
     }
     ws->keeps_lane = lane == job->lane;
     const bool better = vg_straighten(ws, job, tracks, lane)
-                        && ws->motion[job->def->points - 1].speed > speed + standing;
+                        && (late ? distance_beside(ws, job, lane) < beside - nearer_by
+                                 : ws->motion[last].speed > speed + standing);
     return better || (found && attempt_chains(ws, job, tracks));
+}
+
+/// Distance of the end of the trajectory beside where the decision is at the horizon, if that is on
+/// the lane. [m]
+static double distance_beside(const vg_workspace* ws, const vg_job* job, uint32_t lane)
+{
+    const uint32_t last = job->def->points - 1;
+    const vg_segment* end = &job->segments[job->segment_count - 1];
+    const vg_lane* of = &job->road->lanes[lane];
+    const double s = vg_lane_project(of, ws->body.x[last], ws->body.y[last], __builtin_nan(""));
+    const vg_reference line = vg_lane_at(of, s);
+    const double d = vg_left_of(&line, ws->body.x[last], ws->body.y[last]);
+    return vg_abs(d - (end->lane == lane ? end->d : 0.0));
 }
 
 /// Does the trajectory end much slower than decided, and slowly? Then its polynomials cannot follow

@@ -33,6 +33,8 @@ static const double begins_within = 1.6;
 /// How far an end of the body's axis may leave the lane, or come farther out than it is now. [m]
 static const double swing_most = 0.3;
 static const double step_s = 0.01; // [s] of the simulation, at most
+/// A body ahead is close that allows no more than this in 3 s: up to 12 m from standstill. [m/s]
+static const double close_speed = 4.0;
 /// Time after the horizon for which the way is looked at, and what stands there. [s], [m/s]
 static const double later_s = 6.0;
 static const double standing = 0.5;
@@ -92,23 +94,29 @@ bool vg_straighten_applies(vg_workspace* ws, const vg_job* job)
                || (off > parallel_within && vg_abs(at.curvature - line.curvature) > wheel_from));
 }
 
-/// Speed at the end that the decision and the bodies ahead allow. [m/s]
-static double speed_allowed(const driver* at, const vg_job* job, const verge_tracks* tracks)
+/// Speed at the end that the bodies ahead allow. [m/s]
+static double speed_behind(const driver* at, const vg_job* job, const verge_tracks* tracks)
 {
     const verge_planner_def* def = job->def;
     const uint32_t last = def->points - 1;
     const vg_following ahead = { at->path, tracks, job->track_index, at->limits->rear_axle, 0, last,
                                  def->point_s * last, def->idm_gap, def->clearance, 0.0 };
     const vg_state state = { .s = at->s, .s_t = at->speed, .s_tt = at->acceleration };
-    const double follow = vg_follow_speed(&ahead, &state, VG_FOLLOW_BRAKING);
-    return vg_max(vg_min(job->segments[job->segment_count - 1].v, follow), 0.0);
+    return vg_follow_speed(&ahead, &state, VG_FOLLOW_BRAKING);
+}
+
+bool vg_straighten_is_close(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks)
+{
+    const driver at = begin(ws, job, job->lane);
+    return speed_behind(&at, job, tracks) < close_speed;
 }
 
 bool vg_straighten(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks, uint32_t lane)
 {
     VERGE_ASSERT(job->segment_count > 0 && lane < job->road->lane_count);
     const driver from = begin(ws, job, lane);
-    const double allowed = speed_allowed(&from, job, tracks);
+    const double decided = job->segments[job->segment_count - 1].v;
+    const double allowed = vg_max(vg_min(decided, speed_behind(&from, job, tracks)), 0.0);
     for (uint32_t i = 0; i < COUNT(approaches) * COUNT(speeds); ++i) {
         driver now = from;
         now.approach_most = approaches[i / COUNT(speeds)];

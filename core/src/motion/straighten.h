@@ -23,6 +23,9 @@ bool vg_straighten_applies(vg_workspace* ws, const vg_job* job);
 /// The lane towards which it steers: that of a change that begins at once, else its own.
 uint32_t vg_straighten_lane(const vg_job* job);
 
+/// Is a body ahead in the vehicle's own lane so close that it has to come out at once?
+bool vg_straighten_is_close(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
+
 /// Writes the trajectory to body and motion, with its cost. False: it would touch another body, now
 /// or a few seconds later, or swing too far out of the lanes. The vehicle moves only as far as the
 /// decision expects it to.

@@ -301,6 +301,24 @@ static const verge_vehicle_plan* plan_before(const verge_planner* self, int32_t 
     return NULL;
 }
 
+// A vehicle that passes a conflict area after another one plans behind whatever that one does, as
+// one that follows it in its lane.
+static void let_first_plan_first(verge_planner* self, uint32_t count)
+{
+    for (uint32_t j = 0; j < count; ++j) {
+        const verge_vehicle_decision* own =
+            verge_decision_of(&self->decision, self->jobs[j].vehicle->id);
+        for (uint32_t m = 0; own != NULL && m < own->pass_count; ++m) {
+            for (uint32_t i = 0; i < count; ++i) {
+                if (self->jobs[i].vehicle->id == own->passes[m].after_id) {
+                    self->jobs[i].followers |= (uint64_t)1 << self->jobs[j].track_index;
+                    self->jobs[j].followers &= ~((uint64_t)1 << self->jobs[i].track_index);
+                }
+            }
+        }
+    }
+}
+
 static void plan_all(verge_planner* self, verge_plan* plan)
 {
     const verge_scene* scene = &self->scenes[0];
@@ -317,6 +335,7 @@ static void plan_all(verge_planner* self, verge_plan* plan)
         }
     }
     plan->vehicle_count = count;
+    let_first_plan_first(self, count);
     self->counters.candidates += vg_trajectories_run(
         self->workspaces, self->jobs, count, &self->tracks, plan->vehicles, &plan->replanned_count);
     for (uint32_t i = 0; i < count; ++i) {

@@ -15,8 +15,8 @@ static const float route_beyond = 60.0f;
 static const float standing_gap = 2.0f;
 // Slower vehicles may stand when one arrives behind them. [m/s]
 static const float slow = 2.0f;
-// A vehicle follows one on a lane that merges by this time, where both may brake so. [s], [m/s^2]
-static const float merge_headway = 0.6f, braking_behind = 2.0f;
+// A vehicle follows one on a lane that merges by this time. [s]
+static const float merge_headway = 0.6f;
 // A vehicle that would have to brake harder drives through. [m/s^2]
 static const float braking_last = 8.0f;
 // A box that is full binds vehicles that can still stop with this. [m/s^2]
@@ -501,8 +501,8 @@ static float line_of(const vg_model* model, const vg_flow* flow, uint32_t slot,
     // Positions beyond the end, or before the begin, of the common lane.
     const float ahead = parts ? (other - area->other_enter) - (r - area->enter)
                               : (area->leave - r) - (area->other_leave - other);
-    if (parts && ahead <= 0.0f) {
-        return VG_FAR_AWAY; // it follows this one, and goes first once it has merged ahead
+    if (parts && (ahead <= 0.0f || other < area->other_enter)) {
+        return VG_FAR_AWAY; // it is behind, or still on the common lane, where it is the leader
     }
     const float v = vg_maxf(flow->v[j], 0.0f), own = flow->v[slot];
     const float rear = r + ahead - model->half_length[j] - standing_gap;
@@ -510,7 +510,7 @@ static float line_of(const vg_model* model, const vg_flow* flow, uint32_t slot,
     if (!parts && rear - r - model->half_length[slot] + (v - own) * until < 0.0f) {
         return line; // it would still be beside
     }
-    const float stops = rear + v * v / (2.0f * braking_behind) - merge_headway * own;
+    const float stops = rear + vg_order_stopping(model, v) - merge_headway * own;
     return parts ? stops : vg_maxf(line, stops);
 }
 

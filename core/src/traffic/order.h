@@ -180,6 +180,14 @@ verge_turn* vg_turn_of(verge_turns* turns, int32_t id);
 
 // ---------------------------------------------------------------------------- zipper.c
 
+/// Distance in which a vehicle of this speed stops with comfortable braking after one decision step:
+/// so far one may follow it. [m]
+static inline float vg_order_stopping(const vg_model* model, float v)
+{
+    static const float braking = 2.0f; // [m/s^2]
+    return v <= 0.0f ? 0.0f : v * (float)model->def->step_s + v * v / (2.0f * braking);
+}
+
 /// Adds the sequences at the ends of lanes.
 void vg_order_zip(vg_order* order, const vg_model* model, const vg_flow* flow);
 /// The wall behind a vehicle in the lane beside that goes first: where a vehicle that follows it

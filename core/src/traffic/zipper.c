@@ -147,9 +147,9 @@ float vg_order_zip_wall(const vg_model* model, const vg_flow* flow, uint32_t slo
         || road->lanes[flow->lane[first]].bundle != road->lanes[flow->lane[slot]].bundle) {
         return VG_FAR_AWAY; // it has changed lane and is the leader, or is left behind
     }
-    static const float braking = 2.0f, falling_back = 1.0f; // [m/s^2]
-    const float v = flow->v[slot], v_first = flow->v[first], half = model->half_length[slot];
+    static const float falling_back = 1.0f; // [m/s^2]
+    const float v = flow->v[slot], half = model->half_length[slot];
     const float behind = ahead - model->half_length[first] - zip_gap - zip_headway * v
-                         + v_first * v_first / (2.0f * braking);
+                         + vg_order_stopping(model, flow->v[first]);
     return vg_maxf(behind, half + v * v / (2.0f * falling_back));
 }

@@ -45,9 +45,8 @@ static int32_t held_by(const vg_model* model, const vg_flow* flow, uint32_t slot
     return lane->successor_count == 0 && left < end_near ? NAMED : NOTHING;
 }
 
-// Follows what holds a slot, from slot to slot. Returns the slots of a circle (bits), or 0; cause:
-// whether there is one at the end.
-static uint64_t follow(const vg_model* model, const vg_flow* flow, uint32_t slot, bool* cause)
+// Follows what holds a slot, from slot to slot. Returns the slots of a circle (bits), 0: none.
+static uint64_t circle_of(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
     uint64_t seen = 0, circle = 0;
     int32_t at = (int32_t)slot;
@@ -55,7 +54,6 @@ static uint64_t follow(const vg_model* model, const vg_flow* flow, uint32_t slot
         seen |= (uint64_t)1 << at;
         at = held_by(model, flow, (uint32_t)at);
     }
-    *cause = at != NOTHING;
     for (int32_t k = at; k >= 0 && (circle >> k & 1u) == 0;) {
         circle |= (uint64_t)1 << k;
         k = held_by(model, flow, (uint32_t)k);
@@ -93,10 +91,9 @@ void vg_order_watch(vg_order* order, const vg_model* model, const vg_flow* flow,
             || vg_seconds_between(turn->still, scene->utime) < patience) {
             continue;
         }
-        bool cause = true;
-        const uint64_t circle = follow(model, flow, slot, &cause);
-        if (circle == 0 && cause) {
-            continue;
+        const uint64_t circle = circle_of(model, flow, slot);
+        if (circle == 0 && held_by(model, flow, slot) != NOTHING) {
+            continue; // it waits for somebody that moves, or that is looked at itself
         }
         const uint32_t first = circle != 0 ? least_way(order, model, circle) : slot;
         verge_turn* helped =

@@ -151,7 +151,7 @@ static void a_plan_from_the_decision_in_the_message_is_that_of_the_roadside_unit
 static void steps_that_do_not_fit_the_message_change_no_trajectory(void** state)
 {
     (void)state;
-    const verge_planner_def longer = def_of(1.0, 10);
+    const verge_planner_def longer = def_of(1.0, VERGE_STEPS_MAX < 10 ? VERGE_STEPS_MAX : 10);
     (void)drive(&longer);
 }
 

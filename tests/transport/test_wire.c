@@ -562,8 +562,9 @@ static const wire_plan_header header = {
 static void test_each_decision_step_is_an_action_and_the_first_seven_are_kept(void** state)
 {
     (void)state;
-    verge_vehicle_plan plan = core_plan(9);
-    for (uint32_t i = 0; i < 9; ++i) {
+    enum { STEPS = VERGE_STEPS_MAX < 9 ? VERGE_STEPS_MAX : 9 };
+    verge_vehicle_plan plan = core_plan(STEPS);
+    for (uint32_t i = 0; i < STEPS; ++i) {
         plan.actions[i].action = i % 2 == 0 ? VERGE_KEEP_SPEED : VERGE_CHANGE_LEFT;
         plan.actions[i].turn_signal = i % 2 == 0 ? 0 : 1;
         plan.actions[i].s = 100.5 + i;

@@ -160,7 +160,12 @@ static double drive(stage* at, verge_vehicle both[2], double x, bool planned)
     double least = 100.0;
     for (int64_t cycle = 0; cycle < 60 && both[0].x < x; ++cycle) {
         assert_int_equal(verge_planner_step(planner, 500000 * cycle, both, 2, &plan), VERGE_OK);
-        assert_true(!planned || plan.vehicles[0].status == VERGE_PLANNED);
+        if (planned) { // and on a single lane: no change of lane leads to the goal or back
+            assert_int_equal(plan.vehicles[0].status, VERGE_PLANNED);
+            for (uint32_t t = 0; t < plan.vehicles[0].action_count; ++t) {
+                assert_true(plan.vehicles[0].actions[t].action < VERGE_CHANGE_LEFT);
+            }
+        }
         for (uint32_t k = 1; k <= 5; ++k) {
             const verge_point* p = &plan.vehicles[0].points[k];
             both[0].x = p->x;

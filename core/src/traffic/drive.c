@@ -54,6 +54,8 @@ static const float squeeze_speed = 2.5f, close_distance = 15.0f, standing_speed 
 static const float clearing_speed = 1.1f, clearing_reserve = 0.2f;
 // A change out from behind a body has begun from this offset on. [m], below this speed [m/s]
 static const float begun_offset = 0.1f, walking_speed = 3.0f;
+// Beside a body within its lane a vehicle is at most this far from the centre. [m]
+static const float passing_offset = 1.2f;
 // Lateral clearance when passing a body. [m]
 static const float pass_clearance = 0.3f;
 // Lanes whose time to go is longer by this much are not entered. [s]
@@ -290,11 +292,11 @@ static float off_goal(const vg_model* model, const vg_flow* flow, uint32_t slot)
 }
 
 // Is the vehicle on its way from the lane beside, on the right (sign 1) or left (-1)? Where it passes
-// a body within its lane it is not.
+// a body within its lane, or has passed it, it is not: lane keeping leads back to the centre.
 static bool came_from(const vg_model* model, const vg_flow* flow, uint32_t slot, float sign)
 {
-    return sign * flow->d[slot] < -VG_CENTRED
-           && sign * off_goal(model, flow, slot) < -VG_CENTRED;
+    const float from = model->body_count > 0 ? passing_offset : VG_CENTRED;
+    return sign * flow->d[slot] < -from && sign * off_goal(model, flow, slot) < -from;
 }
 
 // The changes that the road allows, without those to lanes that lead nowhere.

@@ -263,7 +263,10 @@ static void print_plan(const verge_vehicle_plan_t* plan)
         printf("  (%s)", verge_reason_text((verge_reason)plan->reason));
     }
     if (plan->why != VERGE_WHY_NONE) {
-        printf("  (%s)", verge_why_text((verge_why)plan->why));
+        const verge_cause why = { (verge_why)plan->why, plan->why_vehicle, plan->why_lane, 0 };
+        char words[128];
+        verge_cause_say(&why, words, sizeof words);
+        printf("  (%s)", words);
     }
     printf("\n");
 }

@@ -457,6 +457,7 @@ static void record_mark(live* self, int64_t utime, bool overrun)
 
 static void apply_next(live* self);
 static void send_messages(live* self);
+static void log_waiting(const live* self);
 static void send_overrun(live* self);
 
 /// Runs in the planning thread. Its helpers run nothing but planning tasks, so their floating-point
@@ -551,6 +552,21 @@ static void on_planned(live* self)
               self->cycle.number, self->cycle.view.count, self->cycle.view.controlled_count,
               self->cycle.plan.fallback_count, self->status.cycle_time.last,
               self->cycle.plan.digest);
+    log_waiting(self);
+}
+
+/// Who waits for something else than in the cycle before.
+static void log_waiting(const live* self)
+{
+    for (uint32_t i = 0; i < self->cycle.plan.vehicle_count; i++) {
+        const verge_vehicle_plan* plan = &self->cycle.plan.vehicles[i];
+        if (plan->why.code != VERGE_WHY_NONE && (plan->changed & VERGE_CHANGED_WHY) != 0) {
+            char words[128];
+            verge_cause_say(&plan->why, words, sizeof words);
+            log_event(LOG_DEBUG, "waits", "vehicle=%d why=%s words=\"%s\"", plan->vehicle_id,
+                      verge_why_name(plan->why.code), words);
+        }
+    }
 }
 
 /// Broadcasts the messages of the cycle and records them.

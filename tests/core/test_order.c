@@ -102,6 +102,7 @@ static void world_build(world* w)
     assert_non_null(w->pairs);
     assert_non_null(w->order);
     w->scene = verge_scene_make(w->road, w->vehicles, w->positions, VERGE_VEHICLES_MAX);
+    w->scene.utime = 1000000;
 }
 
 static void world_close(world* w)
@@ -281,6 +282,45 @@ static world* crossing(double box)
     return w;
 }
 
+// A ring with four arms: 1 + k come in, 11 + k lead onto the ring, 21 + k from entry k to exit k + 1,
+// 31 + k past arm k, 41 + k off the ring, 51 + k go out.
+static world* roundabout(double radius)
+{
+    world* w = world_open();
+    const double pi = 3.14159265359, part = 0.5, mouth = radius + 16.0, h = 0.5 * WIDTH;
+    for (int32_t k = 0; k < 4; ++k) {
+        const double a = 0.5 * pi * k, c = cos(a), s = sin(a), on = a + part, off = a - part;
+        const double in[3] = { mouth * c - h * s, mouth * s + h * c, a + pi };
+        const double out[3] = { mouth * c + h * s, mouth * s - h * c, a };
+        const double join[3] = { radius * cos(on), radius * sin(on), on + 0.5 * pi };
+        const double leave[3] = { radius * cos(off), radius * sin(off), off + 0.5 * pi };
+        const double b = a + 0.5 * pi - part;
+        const double next[3] = { radius * cos(b), radius * sin(b), b + 0.5 * pi };
+        add_straight(w, 1 + k, in[0] + 90.0 * c, in[1] + 90.0 * s, in[0], in[1], 11 + k);
+        add_curve(w, 11 + k, in, join, 21 + k);
+        add_curve(w, 21 + k, join, next, 31 + (k + 1) % 4);
+        verge_lane_def* parts = &w->lanes[w->def.road.lane_count - 1u];
+        parts->successors[parts->successor_count++] = 41 + (k + 1) % 4;
+        add_curve(w, 31 + k, leave, join, 21 + k);
+        add_curve(w, 41 + k, leave, out, 51 + k);
+        add_straight(w, 51 + k, out[0], out[1], out[0] + 120.0 * c, out[1] + 120.0 * s, -1);
+    }
+    world_build(w);
+    return w;
+}
+
+// A street (0, 1, 2) that another one (3) crosses in its lane 1. 1 is 20 m long.
+static world* street(void)
+{
+    world* w = world_open();
+    add_straight(w, 0, -150.0, 0.0, -10.0, 0.0, 1);
+    add_straight(w, 1, -10.0, 0.0, 10.0, 0.0, 2);
+    add_straight(w, 2, 10.0, 0.0, 200.0, 0.0, -1);
+    add_straight(w, 3, 0.0, -150.0, 0.0, 150.0, -1);
+    world_build(w);
+    return w;
+}
+
 // ---------------------------------------------------------------------------- claims
 
 static void all_vehicles_pass_a_crossing_one_after_the_other(void** state)
@@ -320,10 +360,201 @@ static void all_vehicles_pass_a_crossing_one_after_the_other(void** state)
     }
 }
 
+static void rings_keep_a_hole_and_everybody_gets_off(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("roundabout");
+    for (uint32_t round = 0; round < test_rounds(30); ++round) {
+        world* w = roundabout(test_rng_between(&rng, 18.0, 24.0));
+        const uint32_t count = 8 + test_rng_below(&rng, 9);
+        double left[4] = { 4.0, 6.0, 8.0, 5.0 };
+        for (uint32_t i = 0; i < count; ++i) {
+            const uint32_t arm = i % 4;
+            const int32_t to = (int32_t)(arm + 1u + test_rng_below(&rng, 3)) % 4;
+            const double length = verge_road_length(w->road, 1 + (int32_t)arm);
+            add(w, true, 1 + (int32_t)arm, length - left[arm] - 2.5, 4.0, 51 + to);
+            left[arm] += test_rng_between(&rng, 12.0, 16.0);
+        }
+        uint32_t cycles = 0;
+        for (; w->count > 0 && cycles < 600; ++cycles) {
+            drive(w, 0);
+            assert_false(has_circle(w));
+        }
+        if (w->count > 0) {
+            look(w);
+            show(w);
+            fail_msg("round %u: %u of %u vehicles did not arrive", round, w->count, count);
+        }
+        world_close(w);
+    }
+}
+
+// A queue stands behind the crossing, with room for some vehicles. The rest wait before it, also
+// where nobody crosses.
+static void nobody_stands_on_a_crossing_that_has_no_room_behind_it(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("spillback");
+    for (uint32_t round = 0; round < test_rounds(60); ++round) {
+        world* w = street();
+        const double room = test_rng_between(&rng, 3.0, 30.0); // behind the area
+        const verge_lane_position area = verge_road_project_on(w->road, 1, 0.0, 0.0);
+        const bool crossed = test_rng_below(&rng, 2) == 0;
+        add(w, true, 2, room, 0.0, VERGE_NO_LANE); // held
+        for (uint32_t k = 0; k < 6; ++k) {
+            add(w, true, 0, 120.0 - 14.0 * k, test_rng_between(&rng, 2.0, 9.0), VERGE_NO_LANE);
+        }
+        if (crossed) {
+            add(w, true, 3, test_rng_between(&rng, 20.0, 120.0), 8.0, VERGE_NO_LANE);
+        }
+        uint32_t waiting = 0;
+        for (uint32_t cycles = 0; cycles < 120; ++cycles) {
+            drive(w, 1);
+        }
+        for (uint32_t i = 0; i < w->count; ++i) {
+            const bool inside = w->positions[i].lane_id == 1
+                                && fabs(w->positions[i].s - area.s) < 0.5 * (w->vehicles[i].length + WIDTH);
+            if (inside) {
+                look(w);
+                show(w);
+                fail_msg("round %u: room %.1f m, vehicle %d stands in the area", round, room,
+                         w->vehicles[i].id);
+            }
+            waiting += w->positions[i].lane_id != 2;
+        }
+        assert_true(waiting >= 2);
+        look(w);
+        assert_int_equal(overlaps(w), 0);
+        for (uint32_t cycles = 0; cycles < 200; ++cycles) { // the queue moves on
+            drive(w, 0);
+        }
+        assert_int_equal(w->count, 0);
+        world_close(w);
+    }
+}
+
+// The crossing point lies a few metres behind a lane boundary, within one decision step of both.
+static void an_area_behind_a_lane_boundary_has_an_order_too(void** state)
+{
+    (void)state;
+    for (double before = 0.5; before < 12.0; before += 0.5) {
+        world* w = world_open();
+        add_straight(w, 0, -80.0, 0.0, -before, 0.0, 1);
+        add_straight(w, 1, -before, 0.0, 60.0, 0.0, -1);
+        add_straight(w, 2, 0.0, -80.0, 0.0, -before, 3);
+        add_straight(w, 3, 0.0, -before, 0.0, 60.0, -1);
+        world_build(w);
+        add(w, true, 0, 80.0 - 20.0, 9.0, VERGE_NO_LANE);
+        add(w, true, 2, 80.0 - 20.0, 9.0, VERGE_NO_LANE);
+        for (uint32_t cycles = 0; w->count > 0 && cycles < 60; ++cycles) {
+            drive(w, 0);
+            assert_true((w->order->before[0] | w->order->before[1]) != 3);
+            assert_int_equal(overlaps(w), 0);
+        }
+        assert_int_equal(w->count, 0);
+        world_close(w);
+    }
+}
+
+// Two full lanes, one of which ends: the sequence takes one of each in turn, and has no circle.
+static void the_end_of_a_lane_takes_one_of_each_lane_in_turn(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("zipper");
+    for (uint32_t round = 0; round < test_rounds(60); ++round) {
+        world* w = world_open();
+        add_straight(w, 0, 0.0, 0.0, 150.0, 0.0, -1)->left = 1;
+        add_straight(w, 1, 0.0, WIDTH, 400.0, WIDTH, -1)->right = 0;
+        world_build(w);
+        const double speed = test_rng_between(&rng, 0.0, 6.0), phase = test_rng_between(&rng, 1.0, 6.0);
+        for (uint32_t k = 0; k < 10; ++k) {
+            add(w, true, (int32_t)(k % 2), 140.0 - 8.0 * (k / 2) - (k % 2 == 1 ? phase : 0.0), speed, 1);
+        }
+        look(w);
+        assert_false(has_circle(w));
+        int32_t lane_of[10];
+        for (uint32_t slot = 0; slot < 10; ++slot) {
+            lane_of[w->order->rank[slot]] = w->positions[w->model.input_index[slot]].lane_id;
+        }
+        for (uint32_t k = 1; k < 10; ++k) {
+            assert_int_not_equal(lane_of[k], lane_of[k - 1]);
+        }
+        world_close(w);
+    }
+}
+
+// What a lane's signal shows is a wall; without it there is none.
+static void a_red_signal_is_a_wall_and_a_green_one_is_not(void** state)
+{
+    (void)state;
+    world* w = street();
+    verge_signal signal = { 0, VERGE_SIGNAL_RED, -1.0 };
+    w->scene.signals = &signal;
+    w->scene.signal_count = 1;
+    add(w, true, 0, 100.0, 8.0, VERGE_NO_LANE);
+    look(w);
+    const double length = verge_road_length(w->road, 0);
+    CHECK_NEAR(vg_order_wall(&w->model, &w->flow, 0), length - 100.0, 0.1);
+    assert_int_equal(vg_order_wall_why(&w->model, &w->flow, 0).why, VERGE_WHY_SIGNAL);
+    signal.state = VERGE_SIGNAL_GREEN;
+    look(w);
+    assert_true(vg_order_wall(&w->model, &w->flow, 0) >= VG_FAR_AWAY);
+    world_close(w);
+}
+
+// The major street is left to a vehicle that comes later than the one on the minor street.
+static void priority_goes_before_arrival(void** state)
+{
+    (void)state;
+    for (uint32_t minor = 0; minor < 2; ++minor) {
+        world* w = world_open();
+        verge_lane_def* one = add_straight(w, 0, -100.0, 0.0, 100.0, 0.0, -1);
+        one->priority = minor == 0 ? VERGE_PRIORITY_MINOR : VERGE_PRIORITY_MAJOR;
+        verge_lane_def* other = add_straight(w, 1, 0.0, -100.0, 0.0, 100.0, -1);
+        other->priority = minor == 1 ? VERGE_PRIORITY_MINOR : VERGE_PRIORITY_MAJOR;
+        world_build(w);
+        add(w, true, 0, 60.0, 8.0, VERGE_NO_LANE);
+        add(w, true, 1, 55.0, 8.0, VERGE_NO_LANE); // half a second later
+        look(w);
+        assert_int_equal(w->order->rank[minor], 1);
+        world_close(w);
+    }
+}
+
+// A vehicle that has nothing to wait for and stands is found after three seconds, named and helped.
+static void a_vehicle_that_stands_without_a_cause_is_found(void** state)
+{
+    (void)state;
+    world* w = street();
+    add(w, true, 0, 100.0, 0.0, VERGE_NO_LANE);
+    add(w, true, 3, 20.0, 0.0, VERGE_NO_LANE);
+    uint32_t found = 0;
+    for (uint32_t cycle = 0; cycle < 10; ++cycle) {
+        look(w);
+        found += w->order->unstuck;
+        const verge_cause cause = vg_order_reason(&w->model, &w->flow, &w->scene, 0);
+        if (cycle < 6) {
+            assert_int_equal(found, 0);
+        } else {
+            assert_int_equal(cause.code, VERGE_WHY_BLOCKED);
+        }
+        w->scene.utime += 500000;
+    }
+    assert_int_equal(found, 2); // each once
+    world_close(w);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(all_vehicles_pass_a_crossing_one_after_the_other),
+        cmocka_unit_test(rings_keep_a_hole_and_everybody_gets_off),
+        cmocka_unit_test(nobody_stands_on_a_crossing_that_has_no_room_behind_it),
+        cmocka_unit_test(an_area_behind_a_lane_boundary_has_an_order_too),
+        cmocka_unit_test(the_end_of_a_lane_takes_one_of_each_lane_in_turn),
+        cmocka_unit_test(a_red_signal_is_a_wall_and_a_green_one_is_not),
+        cmocka_unit_test(priority_goes_before_arrival),
+        cmocka_unit_test(a_vehicle_that_stands_without_a_cause_is_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

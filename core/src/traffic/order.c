@@ -594,7 +594,7 @@ static void wall_of_boxes(const vg_model* model, const vg_flow* flow, uint32_t s
             continue; // it is in the box already
         }
         int32_t last = -1;
-        if (box->enter - VG_STOP_BEFORE - r < wall->distance && can_stop(v, gap, braking_box)
+        if (box->enter - VG_STOP_BEFORE - r < wall->distance && can_stop(v, gap + VG_STOP_BEFORE, braking_box)
             && gap < v * v + scope_distance
             && room_behind(model->order, model, flow, slot, r, box, &last) < 2.0f * half + standing_gap) {
             take_wall(wall, box->enter - VG_STOP_BEFORE, r, VERGE_WHY_EXIT, last, box->exit_lane);

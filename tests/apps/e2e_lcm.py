@@ -370,12 +370,17 @@ def hostile_traffic_is_counted_and_no_plan_is_missing(rig):
             bad_state(x=math.nan)
             bad_state(speed=-3.0)
             bad_state(y=500.0, vehicle_id=99)
+            bad_state(protocol_version=9, vehicle_id=98)
             bad_state(utime=int(time.time() * 1e6) + 10**6)
             bad_state(utime=int(time.time() * 1e6) - 10**7)
             bus.drive(vehicles, 0.1)
         bus.drive(vehicles, 1.2)
         status = bus.statuses[-1][1]
         check(status.rx_malformed >= 300, f"malformed {status.rx_malformed}")
+        check(status.rx_version >= 10, f"unknown version {status.rx_version}")
+        check("event=unknown_version protocol_version=9 expected=1" in rsu.text(), "it is named")
+        check(all(plan.protocol_version == 1 and plan.map_crc32 == status.map_crc32
+                  for _, plan, _ in bus.plans), "plans state version and road")
         for name in ("rx_out_of_range", "rx_off_map", "rx_future", "rx_stale"):
             check(getattr(status, name) > 0, f"{name} counted")
         cycles = collections.Counter(p.cycle for _, p, _ in bus.plans)

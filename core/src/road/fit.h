@@ -46,7 +46,7 @@ typedef struct vg_fit {
     double         smoothing;          ///< [m] L to begin with
     double         origin_x, origin_y; ///< sums are kept small by working relative to it
     const vg_pose* ends[2];            ///< pose that start and end have to take; null: free
-    bool           holds_curvature[2]; ///< of that pose, too
+    double         curvature_weight[2]; ///< of that pose's curvature, relative to the penalty
     vg_fit_vertex* vertices;
     vg_fit_vertex* surveyed;           ///< the vertices before chords are split
     uint32_t       vertex_count, vertex_capacity;

@@ -14,9 +14,14 @@ static const double sample_spacing = 1.0;     // [m]
 static const double same_point = 0.01;        // [m] vertices this close are one
 static const double even_ratio = 3.0;         // of two turns that are similar
 static const double even_turn_max = 1.3;      // [rad] from chord to chord of a circle
-static const double curvature_step = 0.04;    // [1/m] below it two lanes are in one bend
-static const double seam_turn_max = 0.3;      // [rad] above it they are not
+static const double curvature_step = 0.04;     // [1/m] below it two lanes are in one bend
+static const double straight_curvature = 1e-3; // [1/m] a lane that bends less has no side
+static const double seam_turn_max = 0.3;      // [rad] twice the angle at a kinked seam
 static const double bow_max = 0.1;            // [m] by which an uneven corner may swing out
+
+/// Weights of the curvature at a pose, relative to the penalty on third differences: in one bend it
+/// is held; where a turn begins its line stays within the tolerance (tried from 0.2 to 5).
+static const double bend_weight = 100.0, turn_weight = 0.38;
 
 void vg_fit_add(vg_fit* self, double x, double y, int32_t joint)
 {
@@ -237,21 +242,25 @@ static void take_samples(vg_fit* self)
     }
 }
 
-/// An end with a pose has its curvature, too, where the survey shows that the bend goes on. Where
-/// it begins there, as in a turn off a street, it begins at once.
+/// A lane leaves a place with the curvature of the pose where the survey shows that the bend goes
+/// on, and nearly with it where a bend begins: a wheel cannot turn at once. Not where the lane
+/// bends to the other side or meets the place at an angle.
 static void compare_curvatures(vg_fit* self)
 {
     const vg_fit_vertex* v = self->vertices;
     const uint32_t n = self->vertex_count;
     for (int end = 0; end < 2; ++end) {
-        if (self->ends[end] != NULL && n > 2) {
-            const vg_fit_vertex* at = &v[end == 0 ? 1 : n - 2];
-            const double curvature = at->turn / (0.5 * (at[-1].chord + at->chord));
-            const double meets = vg_abs(v[end == 0 ? 0 : n - 1].turn); // twice the angle of the seam
-            self->holds_curvature[end] = meets < seam_turn_max
-                                         && vg_abs(curvature - self->ends[end]->curvature)
-                                                < curvature_step;
+        if (self->ends[end] == NULL || n < 3) {
+            continue;
         }
+        const vg_fit_vertex* at = &v[end == 0 ? 1 : n - 2];
+        const double meets = vg_abs(v[end == 0 ? 0 : n - 1].turn); // twice the angle
+        const double curvature = at->turn / (0.5 * (at[-1].chord + at->chord));
+        const double bend = self->ends[end]->curvature;
+        const bool other_side = curvature * bend < 0.0 && vg_abs(bend) > straight_curvature;
+        const bool goes_on = vg_abs(curvature - bend) < curvature_step;
+        self->curvature_weight[end] = meets > seam_turn_max ? 0.0 : goes_on ? bend_weight
+                                      : other_side ? 0.0 : turn_weight;
     }
 }
 

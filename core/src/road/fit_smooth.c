@@ -17,7 +17,6 @@ static const double smoothing_shrink = 0.7;
 static const double shrink_reach = 3.0;
 /// Of the direction at an end with a pose: above the penalty of the longest smoothing length.
 static const double direction_weight = 1e9;
-static const double curvature_weight = 1e6;
 enum { ROUNDS = 24 };                        // 7 shrink 12 m to the least; more as it spreads
 
 /// Adds the penalty on the third differences from sample j on.
@@ -69,8 +68,11 @@ static void hold_end(vg_fit* self, int end)
     const double h = end == 0 ? self->spacing : -self->spacing;
     const double bend = pose->curvature * h * h;
     add_row(self, end, direction_weight, first, h * pose->cos_heading, h * pose->sin_heading);
-    if (self->holds_curvature[end]) {
-        add_row(self, end, curvature_weight, second, -bend * pose->sin_heading,
+    if (self->curvature_weight[end] > 0.0) {
+        const double ratio = self->samples[end == 0 ? 0 : self->sample_count - 1].smoothing
+                             / self->spacing;
+        const double penalty = ratio * ratio * ratio * ratio * ratio * ratio;
+        add_row(self, end, self->curvature_weight[end] * penalty, second, -bend * pose->sin_heading,
                 bend * pose->cos_heading);
     }
 }

@@ -301,25 +301,6 @@ static const verge_vehicle_plan* plan_before(const verge_planner* self, int32_t 
     return NULL;
 }
 
-// Who follows a follower follows as well: the order of the vehicles is one.
-static void follow_on(verge_planner* self, uint32_t count)
-{
-    for (uint32_t round = 0; round < count; ++round) {
-        for (uint32_t i = 0; i < count; ++i) {
-            vg_job* first = &self->jobs[i];
-            for (uint32_t k = 0; k < count; ++k) {
-                const uint64_t on = self->jobs[k].followers & ~((uint64_t)1 << first->track_index);
-                const bool follows = (first->followers >> self->jobs[k].track_index & 1u) != 0;
-                for (uint32_t j = 0; follows && j < count; ++j) {
-                    const vg_job* last = &self->jobs[j];
-                    const bool back = (last->followers >> first->track_index & 1u) != 0;
-                    first->followers |= back ? 0 : on & (uint64_t)1 << last->track_index;
-                }
-            }
-        }
-    }
-}
-
 // A vehicle that passes a conflict area after another one plans behind whatever that one does, as
 // one that follows it in its lane.
 static void let_first_plan_first(verge_planner* self, uint32_t count)
@@ -336,7 +317,6 @@ static void let_first_plan_first(verge_planner* self, uint32_t count)
             }
         }
     }
-    follow_on(self, count);
 }
 
 static void plan_all(verge_planner* self, verge_plan* plan)

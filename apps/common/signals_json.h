@@ -23,7 +23,8 @@ typedef struct signal_program {
 } signal_program;
 
 /// The programs, ascending by lane; to be freed. *count is 0 where there are none. Refused: a lane
-/// that the road does not have, a second program of a lane. False: the fault is in the file's error.
+/// that the road does not have, a second program of a lane. False: the fault is in the file's
+/// error.
 bool signals_from_json(const json_at* at, const verge_road_def* road, signal_program** programs,
                        uint32_t* count);
 

@@ -1,4 +1,4 @@
-/// The messages of a simulated vehicle and of a simulated signal, for verge-publish and for verge-replay.
+/// The messages of simulated vehicles and signals, for verge-publish and for verge-replay.
 #ifndef VERGE_APPS_STATE_MESSAGE_H
 #define VERGE_APPS_STATE_MESSAGE_H
 

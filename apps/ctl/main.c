@@ -329,7 +329,8 @@ static void show_plans(const json_at* root)
                        &action, "action", 0, VERGE_ACTION_COUNT - 1)),
                    real(&action, "t1_ms") * 1e-3);
         }
-        const verge_cause why = { (verge_why)whole(&plan, "why"), (int32_t)whole(&plan, "why_vehicle"),
+        const verge_cause why = { (verge_why)whole(&plan, "why"),
+                                  (int32_t)whole(&plan, "why_vehicle"),
                                   (int32_t)whole(&plan, "why_lane"), 0 };
         char words[128];
         verge_cause_say(&why, words, sizeof words);

@@ -124,8 +124,8 @@ static void log_refusals(monitor* self)
     const bool several = self->setup->buses.count > 1;
     const uint64_t refusals = rx->rx_stale + rx->rx_future + (several ? 0 : rx->rx_duplicate) +
                               rx->rx_out_of_order + rx->rx_out_of_range + rx->rx_off_map +
-                              rx->rx_over_capacity + rx->rx_id_conflict + rx->rx_version + stats.malformed +
-                              stats.dropped + transport_refused(&stats);
+                              rx->rx_over_capacity + rx->rx_id_conflict + rx->rx_version +
+                              stats.malformed + stats.dropped + transport_refused(&stats);
     if (refusals > self->refusals) {
         log_event(LOG_WARNING, "states_refused",
                   "new=%" PRIu64 " stale=%" PRIu64 " future=%" PRIu64 " duplicate=%" PRIu64

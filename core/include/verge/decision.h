@@ -49,14 +49,16 @@ typedef enum verge_why {
     VERGE_WHY_NONE = 0,         ///< nothing holds the vehicle back
     VERGE_WHY_LEADER = 1,       ///< vehicle: the one ahead, which stands or is slower
     VERGE_WHY_AREA = 2,         ///< vehicle: passes a conflict area first; lane: its lane there
-    VERGE_WHY_EXIT = 3,         ///< no room behind a conflict area, which has to stay clear; vehicle:
-                                ///< the last one there; lane: the one behind the area
-    VERGE_WHY_MERGE = 4,        ///< vehicle: goes first where lanes merge, one by one; lane: its lane
+    VERGE_WHY_EXIT = 3,         ///< no room behind a conflict area, which has to stay clear;
+                                ///< vehicle: the last one there; lane: the one behind the area
+    VERGE_WHY_MERGE = 4,        ///< vehicle: goes first where lanes merge, one by one; lane: its
+                                ///< lane
     VERGE_WHY_LANE_END = 5,     ///< lane: it ends
     VERGE_WHY_SIGNAL = 6,       ///< lane: its signal is red, or yellow
     VERGE_WHY_STOP_LINE = 7,    ///< lane: vehicles stop at its line before they go on
     VERGE_WHY_YIELD = 8,        ///< vehicle: has priority; lane: its lane
-    VERGE_WHY_OBSTACLE = 9,     ///< vehicle: stands in the way without a cause, as a parked one does
+    VERGE_WHY_OBSTACLE = 9,     ///< vehicle: stands in the way without a cause, as a parked one
+                                ///< does
     VERGE_WHY_ONCOMING = 10,    ///< vehicle: comes towards this one in its lane
     VERGE_WHY_HUMAN = 11,       ///< vehicle: nobody knows what this uncontrolled one will do
     VERGE_WHY_ROOM_AHEAD = 12,  ///< no change to the lane: too near behind the vehicle
@@ -66,8 +68,8 @@ typedef enum verge_why {
     VERGE_WHY_BEND = 16,        ///< lane: its bend is driven slowly
     VERGE_WHY_GAP = 17,         ///< vehicle: lets a gap open behind it, for a change to the lane
     VERGE_WHY_UNREACHABLE = 18, ///< lane: the target lane, which cannot be reached from here
-    VERGE_WHY_BLOCKED = 19,     ///< stood without a cause, or in a circle of vehicles that waited for
-                                ///< one another; vehicle: the one that it waited for
+    VERGE_WHY_BLOCKED = 19,     ///< stood without a cause, or in a circle of vehicles that waited
+                                ///< for one another; vehicle: the one that it waited for
     VERGE_WHY_FALLBACK = 20,    ///< the plan is a fallback: no trajectory was acceptable
     VERGE_WHY_OFF_ROAD = 21,    ///< the vehicle is on no lane
 } verge_why;
@@ -84,8 +86,8 @@ typedef struct verge_cause {
     verge_why code;
     int32_t   vehicle_id; ///< -1: none. Ignored with VERGE_WHY_NONE
     int32_t   lane_id;    ///< VERGE_NO_LANE: none. Ignored with VERGE_WHY_NONE
-    int32_t   side;       ///< the lane runs on the left (1) or on the right (-1); 0: neither, or not
-                          ///< known. For words
+    int32_t   side;       ///< the lane runs on the left (1) or on the right (-1); 0: neither, or
+                          ///< not known. For words
 } verge_cause;
 
 /// Writes a cause in words ("left lane: no room behind vehicle 7"): at most size bytes, always

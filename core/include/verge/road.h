@@ -60,7 +60,8 @@ typedef struct verge_lane_def {
     /// Not empty, apart from one another; none where there is no neighbour.
     verge_stretch change_left[VERGE_STRETCHES_MAX], change_right[VERGE_STRETCHES_MAX];
     uint32_t change_left_count, change_right_count;
-    verge_priority priority;        ///< holds from this lane into the conflicts at and beyond its end
+    verge_priority priority;        ///< holds from this lane into the conflicts at and beyond its
+                                    ///< end
     bool     stop_line_given;       ///< false: the stop line is the end of the lane
     double   stop_line;             ///< [m] along the lane, where the front of a body waits
 } verge_lane_def;

@@ -46,7 +46,8 @@ typedef struct verge_scene {
     /// is controlled, it gets no decision and brakes.
     verge_lane_position* positions;
     uint32_t             signal_count;  ///< lanes with a signal, usually 0
-    const verge_signal*  signals;       ///< ascending lane ids, one a lane; null where there is none
+    const verge_signal*  signals;       ///< ascending lane ids, one a lane; null where there is
+                                        ///< none
 } verge_scene;
 
 /// A scene without vehicles, in arrays of vehicles_max elements that outlive it.
@@ -65,12 +66,13 @@ static inline verge_scene verge_scene_make(const verge_road* road, verge_vehicle
     return scene;
 }
 
-/// Fills utime, vehicles and positions; signals stay as they are. Checks the vehicles, orders them by id and finds the lane
-/// of each. Where lanes overlap (merges, diverges), the lane is the one along which the vehicle
-/// drives: the lane that it had in `before`, else the successor of that lane towards the target
-/// lane, if the vehicle heads along it within 60 degrees; else the lane that fits heading and place
-/// best. Among lanes that fit as well, within 0.5 m, it is one from which the target lane can be
-/// reached. Between the lanes of a junction a vehicle keeps the lane that it had.
+/// Fills utime, vehicles and positions; signals stay as they are. Checks the vehicles, orders them
+/// by id and finds the lane of each. Where lanes overlap (merges, diverges), the lane is the one
+/// along which the vehicle drives: the lane that it had in `before`, else the successor of that
+/// lane towards the target lane, if the vehicle heads along it within 60 degrees; else the lane
+/// that fits heading and place best. Among lanes that fit as well, within 0.5 m, it is one from
+/// which the target lane can be reached. Between the lanes of a junction a vehicle keeps the lane
+/// that it had.
 /// before: the scene of the last step, or null. It must have other arrays than `scene`.
 /// vehicles: in any order; not the array of `scene`.
 /// @retval VERGE_ERR_CAPACITY, VERGE_ERR_VEHICLE, VERGE_ERR_DUPLICATE  vehicle_count is 0

@@ -27,14 +27,15 @@ typedef struct verge_human_rules {
 
 /// Moves every uncontrolled vehicle by dt [s], 0 < dt <= 1. A vehicle on the road follows the
 /// vehicle ahead in its lane by the IDM; its desired speed is the speed limit. The vehicle ahead
-/// may be a controlled one. It stops at red signals. In a conflict area the vehicle that comes first
-/// goes first, or the one with priority (verge_lane_def.priority); the others wait before it. A
-/// vehicle off the road, or with a value that verge_scene_place() rejects, moves straight ahead. Controlled vehicles are not changed. vehicles: in any order.
-/// rules: null stands for zero-filled ones; read until the call returns.
+/// may be a controlled one. It stops at red signals. In a conflict area the vehicle that comes
+/// first goes first, or the one with priority (verge_lane_def.priority); the others wait before it.
+/// A vehicle off the road, or with a value that verge_scene_place() rejects, moves straight ahead.
+/// Controlled vehicles are not changed. vehicles: in any order. rules: null stands for zero-filled
+/// ones; read until the call returns.
 /// @retval VERGE_ERR_CAPACITY  more vehicles, or controlled vehicles, than the def holds
 /// @retval VERGE_ERR_DEF       dt is out of range
-/// @retval VERGE_ERR_ARGUMENT  a null pointer, or signals that are not as scene.h says; in all three
-///                             no vehicle is moved
+/// @retval VERGE_ERR_ARGUMENT  a null pointer, or signals that are not as scene.h says; in all
+///                             three no vehicle is moved
 verge_status verge_humans_advance(verge_humans* humans, const verge_road* road,
                                   const verge_human_rules* rules, verge_vehicle* vehicles,
                                   uint32_t vehicle_count, double dt);

@@ -38,8 +38,8 @@ typedef enum verge_status {
     VERGE_ERR_CONFIG = -8,      ///< caller and library were compiled with different capacities
     VERGE_ERR_ARGUMENT = -9,    ///< a null pointer that the call needs, or a scene that is not as
                                 ///< scene.h says
-    VERGE_ERR_SIGNAL = -10,     ///< a signal of an unknown lane, a second one of a lane, or one with a
-                                ///< state or a time out of range
+    VERGE_ERR_SIGNAL = -10,     ///< a signal of an unknown lane, a second one of a lane, or one
+                                ///< with a state or a time out of range
 } verge_status;
 
 /// A status in words. Never null; static lifetime.

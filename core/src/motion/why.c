@@ -133,8 +133,9 @@ static void take_areas(const verge_scene* scene, uint32_t own, uint32_t lane, do
         if (start + vg_lane_s(&road->lanes[lane], (double)area->to) < 0.0 || distance > reach) {
             continue;
         }
-        const int32_t k = find_at_area(scene, own, area->other, vg_lane_s(other, (double)area->other_from),
-                                       vg_lane_s(other, (double)area->other_to));
+        const double from = vg_lane_s(other, (double)area->other_from);
+        const double to = vg_lane_s(other, (double)area->other_to);
+        const int32_t k = find_at_area(scene, own, area->other, from, to);
         if (k >= 0) {
             take(best, VERGE_WHY_AREA, scene->vehicles[k].id, other->id, vg_max(distance, 0.0));
         }
@@ -201,7 +202,8 @@ static verge_cause room_cause(const verge_scene* scene, uint32_t own, uint32_t l
     const verge_lane_position* at = &scene->positions[own];
     const vg_lane* here = &road->lanes[vg_road_lane_index(road, at->lane_id)];
     const double station = vg_lane_station(here, at->s), speed = scene->vehicles[own].speed;
-    candidate best = { { VERGE_WHY_NONE, -1, VERGE_NO_LANE, 0 }, 1.0 }; // distance: share of the room
+    // Here the distance is the share that is there of the room that a change needs.
+    candidate best = { { VERGE_WHY_NONE, -1, VERGE_NO_LANE, 0 }, 1.0 };
     for (uint32_t k = 0; k < scene->vehicle_count; ++k) {
         const verge_vehicle* v = &scene->vehicles[k];
         if (k == own || scene->positions[k].lane_id != road->lanes[lane].id) {

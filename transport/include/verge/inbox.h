@@ -5,9 +5,9 @@
 ///     inbox_snapshot(&inbox, plan_utime, &view);                // once a cycle
 ///     verge_planner_step(planner, plan_utime, view.vehicles, view.count, &plan);
 ///
-/// Unknown     A target lane that the road does not have costs a vehicle its target only. A state without
-///             heading or speed (NaN) is used with the last ones known, else with the direction of
-///             the lane and standing; its vehicle is an obstacle and gets no plan.
+/// Unknown     A target lane that the road does not have costs a vehicle its target only. A state
+///             without heading or speed (NaN) is used with the last ones known, else with the
+///             direction of the lane and standing; its vehicle is an obstacle and gets no plan.
 /// Isolation   A refused message changes only a counter: the vehicle keeps its last accepted state
 ///             until that is too old, and no other vehicle is affected.
 /// Senders     On each bus an id belongs to the first sender that uses it, until that sender is
@@ -72,12 +72,13 @@ typedef enum inbox_verdict {
     INBOX_ID_CONFLICT,   ///< same id, but a body that cannot be the same one (jump_m)
     INBOX_OFF_MAP,       ///< its centre lies on no lane; not checked for vehicles of inbox_placed()
     INBOX_OVER_CAPACITY, ///< a new vehicle, and no slot is free or forgotten
-    INBOX_OTHER_MAP,     ///< a signal of another road; a state of one is accepted, see inbox_set_map()
+    INBOX_OTHER_MAP,     ///< a signal of another road; a state of one is accepted, see
+                         ///< inbox_set_map()
 } inbox_verdict;
 
-/// The rx_ fields of rsu_status_t. The bus counts rx_malformed and rx_dropped. rx_over_capacity also
-/// counts, in each snapshot, the vehicles that ask for a plan beyond controlled_max. The last two are
-/// part of rx_accepted.
+/// The rx_ fields of rsu_status_t. The bus counts rx_malformed and rx_dropped. rx_over_capacity
+/// also counts, in each snapshot, the vehicles that ask for a plan beyond controlled_max. The last
+/// two are part of rx_accepted.
 typedef struct inbox_counters {
     uint64_t rx_accepted, rx_stale, rx_future, rx_duplicate, rx_out_of_order, rx_malformed;
     uint64_t rx_out_of_range, rx_off_map, rx_over_capacity, rx_id_conflict, rx_dropped;
@@ -149,8 +150,8 @@ inbox_verdict inbox_offer_signal(inbox* self, const verge_lane_signal_t* signal,
 /// silent for longer than drop_ms. A signal is never forgotten, but with the road.
 uint32_t inbox_signals(const inbox* self, int64_t utime, verge_signal signals[INBOX_SIGNALS_MAX]);
 
-/// Empties the inbox, for a clock that has stepped back or fewer slots. Limits, map and counters are
-/// kept. Signals are red until they are heard again.
+/// Empties the inbox, for a clock that has stepped back or fewer slots. Limits, map and counters
+/// are kept. Signals are red until they are heard again.
 void inbox_forget(inbox* self, uint32_t vehicles_max, uint32_t controlled_max);
 
 /// Reports the vehicles that the last plan found on a lane; to be called before each snapshot, with
@@ -164,11 +165,8 @@ void inbox_placed(inbox* self, const int32_t* ids, uint32_t count);
 /// Releases the ownership of all ids. For a change of the buses.
 void inbox_forget_senders(inbox* self);
 
-/// For a change of the road: forgets the vehicles that are off the new road, and target lanes that it
-/// lacks. No counter changes; planned vehicles that are forgotten get their cancellation in the next
-/// snapshot.
-/// For a change of the road: forgets the vehicles that are off the new road or have a target lane
-/// that it lacks, which the planner would refuse, and the signals of lanes that it lacks. No counter changes; planned vehicles get their
+/// For a change of the road: forgets the vehicles that are off the new road, and target lanes and
+/// signals of lanes that it lacks. No counter changes; planned vehicles that are forgotten get their
 /// cancellation in the next snapshot.
 void inbox_review(inbox* self, const verge_road* road);
 

@@ -21,8 +21,9 @@
 ///             dds:N     DDS domain N, 0 to 230 (Cyclone DDS), if built in. Topics have the names
 ///                       of LCM's channels. States and statuses are best effort: of each vehicle
 ///                       (each unit) the newest message waits, older ones are dropped, and the
-///                       order between vehicles is not kept. So it is with signals, by lane. Plans are sent again until they
-///                       arrive or are replaced, for at most three seconds.
+///                       order between vehicles is not kept. So it is with signals, by lane. Plans
+///                       are sent again until they arrive or are replaced, for at most three
+///                       seconds.
 ///             log:FILE  an LCM event log: a regular file to read, or any file to write if opened
 ///                       with TRANSPORT_RECORD. Written events are in the file at each mark and at
 ///                       close. Writing blocks while the file does (a FIFO whose reader is slow).

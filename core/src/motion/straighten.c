@@ -19,9 +19,9 @@ static const double speeds[] = { 2.0, 1.2, 0.7 };
 /// [m/s^2], [m/s^3]
 static const double acceleration = 0.8, jerk = 4.0;
 /// Share of the largest curvature and of the steering rate that is used. [1]
-static const double steer_share = 0.75;
+static const double steer_share = 0.7;
 /// The wheel follows what is wanted with this delay: it does not jerk. [s]
-static const double steer_lag_s = 0.2;
+static const double steer_lag_s = 0.25;
 /// Heading towards the centre of the lane, per metre beside it. [rad/m]
 static const double approach = 0.25;
 /// The driver looks this far ahead along the lane. [m]
@@ -60,6 +60,7 @@ static bool swings_out(const vg_workspace* ws, const vg_job* job, const driver* 
                        uint32_t lane);
 static bool goes_on(driver* now, const vg_workspace* ws, const vg_job* job,
                     const verge_tracks* tracks, double speed_max);
+static bool ends_outside(const vg_workspace* ws, const vg_job* job);
 static bool runs_out(const vg_workspace* ws, const vg_job* job, uint32_t lane, bool changes);
 static bool touches(const vg_workspace* ws, const vg_job* job, const verge_tracks* tracks);
 
@@ -124,6 +125,7 @@ bool vg_straighten(vg_workspace* ws, const vg_job* job, const verge_tracks* trac
         const double walking = i == 0 ? vg_max(speed, from.speed) : speed;
         const double speed_max = vg_min(walking, allowed);
         if (simulate(ws, job, &now, speed_max) && !swings_out(ws, job, &from, lane)
+            && (lane != job->lane || !ends_outside(ws, job))
             && !runs_out(ws, job, job->lane, lane != job->lane) && !runs_out(ws, job, lane, false)
             && !touches(ws, job, tracks) && goes_on(&now, ws, job, tracks, speed_max)) {
             ws->lateral_end = job->def->point_s * (job->def->points - 1);
@@ -182,7 +184,9 @@ static void advance(driver* self, double speed_max, double h)
                       / self->limits->wheelbase;
     const double change = (wanted_curvature(self, rate) - self->curvature) * h / steer_lag_s;
     const double c1 = self->curvature + vg_clamp(change, -rate * h, rate * h);
-    const double room = speed_max - self->speed;
+    // Not faster than that the wheel can be turned back within the preview.
+    const double back = preview * rate / vg_max(vg_abs(self->curvature), 1e-3);
+    const double room = vg_min(speed_max, vg_max(back, speeds[COUNT(speeds) - 1])) - self->speed;
     const double gain = vg_sqrt(2.0 * jerk * vg_abs(room));
     const double a = room > 0.0 ? vg_min(acceleration, gain) : -vg_min(acceleration, gain);
     const double a1 = vg_clamp(a, self->acceleration - jerk * h, self->acceleration + jerk * h);
@@ -302,6 +306,17 @@ static bool swings_out(const vg_workspace* ws, const vg_job* job, const driver* 
         }
     }
     return false;
+}
+
+/// Does the centre end beyond the boundary of the vehicle's own lane, and farther out than it is?
+static bool ends_outside(const vg_workspace* ws, const vg_job* job)
+{
+    const uint32_t last = job->def->points - 1;
+    const vg_lane* lane = &job->road->lanes[job->lane];
+    const double s = vg_lane_project(lane, ws->body.x[last], ws->body.y[last], job->s);
+    const vg_reference line = vg_lane_at(lane, s);
+    const double d = vg_abs(vg_left_of(&line, ws->body.x[last], ws->body.y[last]));
+    return s < lane->length && d > vg_max(0.5 * lane->width, vg_abs(job->d));
 }
 
 /// Does it drive over the end of a lane that it has to leave?

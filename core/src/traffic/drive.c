@@ -226,6 +226,10 @@ static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* 
     uint32_t legal = kept <= most + slack ? 1u << VERGE_KEEP_SPEED : 0u;
     legal |= v_ac > v + 0.05f ? 1u << VERGE_ACCELERATE : 0u;
     legal |= v > 0.0f || legal == 0 ? 1u << VERGE_DECELERATE : 0u;
+    // A vehicle that stood without a cause, or in a circle, drives on wherever it can.
+    if (vg_order_helps(model->order, slot) && (legal & 1u << VERGE_ACCELERATE) != 0) {
+        legal = 1u << VERGE_ACCELERATE;
+    }
     moves->legal[slot] = (uint8_t)legal;
     return kept;
 }

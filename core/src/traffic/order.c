@@ -648,10 +648,8 @@ vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t s
         take_wall(&wall, course->red, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
     }
     wall_of_shares(model, flow, slot, r, &wall);
-    if ((order->helped >> slot & 1u) == 0) {
-        wall_of_boxes(model, flow, slot, r, &wall);
-        wall_of_ring(model, flow, slot, r, &wall);
-    }
+    wall_of_boxes(model, flow, slot, r, &wall);
+    wall_of_ring(model, flow, slot, r, &wall);
     return wall;
 }
 

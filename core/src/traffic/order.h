@@ -151,6 +151,12 @@ static inline bool vg_order_cedes(const vg_order* order, uint32_t i, uint32_t j)
 verge_cause vg_order_reason(const vg_model* model, const vg_flow* flow, const verge_scene* scene,
                             uint32_t slot);
 
+/// Does the slot go first because nobody moved? It drives on wherever it can.
+static inline bool vg_order_helps(const vg_order* order, uint32_t slot)
+{
+    return order != NULL && order->slots > 0 && (order->helped >> slot & 1u) != 0;
+}
+
 /// The areas ahead of a slot and whom it passes them after. Returns their number.
 uint32_t vg_order_passes(const vg_model* model, const verge_scene* scene, uint32_t slot,
                          verge_pass passes[VERGE_PASSES_MAX]);

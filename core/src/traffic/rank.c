@@ -292,8 +292,9 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
         self->key[i] = never;
         verge_turn turn = { .vehicle_id = id, .arrival = scene->utime };
         count_standing(self, i, scene->utime, before, &turn);
+        self->order->helped |= turn.helped != 0 ? (uint64_t)1 << i : 0;
         if (self->order->courses[i].share_count == 0 || self->arrival[i] >= VG_FAR_AWAY) {
-            if (turn.still != 0) {
+            if (turn.still != 0 || turn.helped != 0) {
                 kept.of[kept.count++] = turn;
             }
             continue;
@@ -312,7 +313,6 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
             self->key[i] += no_room;
         }
         if (turn.helped != 0) {
-            self->order->helped |= (uint64_t)1 << i;
             self->key[i] = -passed_over;
         }
         kept.of[kept.count++] = turn;

@@ -62,6 +62,8 @@ static const float pass_clearance = 0.3f;
 static const float worse_lane = 10.0f;
 // A lane change has to gain this much; one under way goes on unless it loses that much. [s]
 static const float change_gain = 0.7f;
+// A lane that does not lead to the target counts for this long. [s]
+static const float wrong_lane_s = 10.0f;
 // Slower vehicles ahead count as far as is driven in this time. [s]
 static const float look_ahead_s = 20.0f;
 static const float delay_max = 30.0f;    // [s]
@@ -201,12 +203,12 @@ static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* 
                        moves->v[0], VG_FAR_AWAY);
     const float limit = vg_minf(limit_at(model, flow, slot, station),
                                 vg_minf(flow->limit[slot], model->speed_max[slot]) + dt);
+    moves->wall[slot] = stopping_speed(model, flow, slot, vg_order_wall(model, flow, slot),
+                                       comfort_braking);
     const float free =
         vg_minf(following_speed(model, flow, keep, slot, 1.0f),
                 vg_minf(stopping_speed(model, flow, slot, dead_end_ahead(model, flow, slot),
-                                       end_braking),
-                        stopping_speed(model, flow, slot, vg_order_wall(model, flow, slot),
-                                       comfort_braking)));
+                                       end_braking), moves->wall[slot]));
     const float most = vg_minf(limit, free);
 
     const float v_ac = vg_minf(v + model->gain[slot], most);
@@ -283,10 +285,16 @@ static int32_t lane_beside(const vg_model* model, const vg_flow* flow, uint32_t 
     return left ? lane->left : lane->right;
 }
 
+// Time to go by a lane, with what it costs to be in it for a while if it is not a target lane. [s]
 static float time_to_go(const vg_model* model, uint32_t slot, int32_t lane, float station)
 {
-    return model->value == NULL || lane < 0
-               ? 0.0f : vg_value_at(model->value, slot, (uint32_t)lane, station);
+    if (model->value == NULL || lane < 0) {
+        return 0.0f;
+    }
+    const vg_way* ways = model->ways[slot];
+    const bool wrong = ways != NULL && (ways[lane] & VG_WAY_CHANGES) != 0;
+    return vg_value_at(model->value, slot, (uint32_t)lane, station)
+           + (wrong ? model->wrong_lane[slot] * wrong_lane_s : 0.0f);
 }
 
 // Offset of a vehicle from where it is to drive in its lane. [m]
@@ -471,11 +479,11 @@ void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves*
                                  : pass_leader(model, flow, &moves->keep[slot], slot, sign,
                                                g.under_way);
     const float limit = vg_minf(vg_minf(flow->limit[slot], model->speed_max[slot]), own.most);
-    const float wanted = vg_minf(vg_minf(v + model->gain[slot], limit),
+    const float wanted = vg_minf(vg_minf(v + model->gain[slot], vg_minf(limit, moves->wall[slot])),
                                  following_speed(model, flow, &g.w, slot, change_gap_share));
     const float v1 = vg_maxf(wanted, vg_maxf(v - change_braking * dt, 0.0f));
     const float distance = 0.5f * (v + v1) * dt;
-    if (own.most < 0.0f || v1 > own.most + 0.1f || distance < 0.1f) {
+    if (own.most < 0.0f || v1 > moves->wall[slot] + 0.1f || v1 > own.most + 0.1f || distance < 0.1f) {
         return;
     }
     const uint32_t along = vg_actions[action].along, across = vg_actions[action].across;

@@ -320,7 +320,9 @@ static void vehicle_locate(const world* self, world_vehicle* vehicle)
     const double  beyond = s - verge_road_length(self->road, lane);
     if (beyond >= -INSTANT &&
         verge_road_next(self->road, lane, state->target_lane) == VERGE_NO_LANE) {
-        if (beyond <= SWING_OUT && beside_lane(self, state, lane)) {
+        const verge_action_step* action = world_action(self, vehicle);
+        const bool changing = action != NULL && action->turn_signal != 0;
+        if (beyond <= SWING_OUT && (changing || beside_lane(self, state, lane))) {
             vehicle->off_road = was_off_road;
             return;
         }

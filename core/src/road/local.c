@@ -20,7 +20,7 @@ static const double across = 10.0;            // to a lane that crosses or merge
 static const double distance_step = 50.0;
 
 enum { NO_TARGET = -1, FREE = -2 };
-// An on-vehicle unit has few vehicles and little memory: 8 lanes, and one more per vehicle, are
+// An on-vehicle unit has few vehicles and little memory: 7 lanes, and one more per vehicle, are
 // near.
 enum { few_vehicles = 16 };
 
@@ -33,7 +33,7 @@ static void find_matters(vg_local* self, uint32_t column);
 vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles, uint32_t targets)
 {
     const size_t columns = targets + 1u;
-    const size_t wanted = vehicles <= few_vehicles ? 8u + vehicles : VERGE_LANES_NEAR_MAX;
+    const size_t wanted = vehicles <= few_vehicles ? 7u + vehicles : VERGE_LANES_NEAR_MAX;
     const size_t most = wanted < VERGE_LANES_NEAR_MAX ? wanted : VERGE_LANES_NEAR_MAX;
     const size_t lanes = lane_count > 0 ? lane_count : VERGE_LANES_MAX;
     const size_t capacity = lanes < most ? lanes : most;

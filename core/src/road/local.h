@@ -76,7 +76,7 @@ typedef struct vg_source {
 } vg_source;
 
 /// Room for scenes of so many vehicles and different targets. Near are at most VERGE_LANES_NEAR_MAX
-/// lanes, for up to 16 vehicles 8 and one a vehicle, and lane_count, 0 if it is not known.
+/// lanes, for up to 16 vehicles 7 and one a vehicle, and lane_count, 0 if it is not known.
 vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles, uint32_t targets);
 
 /// Chooses the near lanes of a scene and relates them.

@@ -584,9 +584,16 @@ static void test_each_decision_step_is_an_action_and_the_first_seven_are_kept(vo
     assert_int_equal(decision.step_count, 7);
     plan.actions[0].action = VERGE_ACCELERATE; // what was decided, not what is driven
     for (uint32_t i = 0; i < 7; ++i) {
-        verge_action_step expected = plan.actions[i];
-        expected.ahead_id = expected.behind_id = -1;
-        assert_memory_equal(&decision.steps[i], &expected, sizeof expected);
+        const verge_action_step *expected = &plan.actions[i], *step = &decision.steps[i];
+        assert_int_equal(step->action, expected->action);
+        assert_int_equal(step->lane_id, expected->lane_id);
+        assert_true(step->t0 == expected->t0 && step->t1 == expected->t1);
+        assert_true(step->s == expected->s && step->d == expected->d && step->v == expected->v);
+        assert_true(step->distance == expected->distance);
+        assert_int_equal(step->brake_light, expected->brake_light);
+        assert_int_equal(step->turn_signal, expected->turn_signal);
+        assert_int_equal(step->ahead_id, -1);
+        assert_int_equal(step->behind_id, -1);
     }
     assert_memory_equal(&decision.why, &plan.why, sizeof plan.why);
     assert_int_equal(decision.pass_count, 2);

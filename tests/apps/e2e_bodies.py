@@ -64,7 +64,7 @@ def traffic():
     yield scenario("an articulated truck that changes", lanes, [
         vehicle(1, 80, 0, 9, body="articulated", target_lane=1),
         vehicle(2, 62, 4, 9, "human", length=5, width=2),
-        vehicle(3, 130, 0, 7, "human", body="bus")], 20)
+        vehicle(3, 130, 0, 7, "human", body="bus")], 32)  # it lets the car pass first
 
 
 def trailer_poses(poses):

@@ -14,9 +14,11 @@ typedef struct region {
 static const double frame_min = 0.3;
 
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
-                           const vg_following* following, const vg_state* start, bool emergency);
+                           const vg_following* following, const vg_limits* limits,
+                           const vg_state* start, bool emergency);
 static double least_speed(const vg_state* start, double T, double jerk);
 static double most_speed(const vg_state* start, double T, double jerk);
+static double speed_gained(const vg_limits* limits, double v0, double T);
 static double speed_allowed(const vg_job* job, uint32_t lane, double s);
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
 
@@ -46,7 +48,7 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
     const vg_following following = { path, tracks, job->track_index, limits->rear_axle,
                                      batch->start, batch->last, T, def->idm_gap, def->clearance,
                                      changing ? 0.0 : segment->d };
-    const region v = speed_region(job, segment, reference, &following, start, emergency);
+    const region v = speed_region(job, segment, reference, &following, limits, start, emergency);
     double speeds[VERGE_SAMPLE_SPEEDS_MAX];
     const uint32_t braking = v.floor < v.low ? def->sample_speeds / 3 : 0;
     for (uint32_t i = 0; i < braking; ++i) {
@@ -80,7 +82,8 @@ static double line_share(const vg_path* path, double s, double d)
 /// Decided speeds and limits are those of the vehicle, profiles and follow.h have speeds along the
 /// line.
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
-                           const vg_following* following, const vg_state* start, bool emergency)
+                           const vg_following* following, const vg_limits* limits,
+                           const vg_state* start, bool emergency)
 {
     const verge_planner_def* def = job->def;
     const bool changing = vg_action_changes_lane(segment->action);
@@ -108,7 +111,8 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     v.high = vg_min(v.high, vg_max(follow_hard, vg_max(v.centre, 0.0)));
     // The strongest acceleration begins with the jerk limit, too. Lateral motion needs a share of it,
     // so less acceleration is sampled as well.
-    const double fastest = vg_max(most_speed(start, T, 0.98 * jerk), 0.0);
+    const double fastest = vg_max(
+        vg_min(most_speed(start, T, 0.98 * jerk), speed_gained(limits, v0, T)), 0.0);
     v.high = vg_min(v.high, fastest);
     v.centre = vg_min(v.centre, fastest);
     v.low = vg_min(vg_max(decided - half, 0.0), v.centre);
@@ -121,6 +125,13 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
 static double least_speed(const vg_state* start, double T, double jerk)
 {
     return start->s_t + (4.0 * start->s_tt * T - jerk * T * T) / 6.0;
+}
+
+/// End speed with the largest acceleration of the body. The profile's peak is 1.5 times its mean.
+static double speed_gained(const vg_limits* limits, double v0, double T)
+{
+    const double fade = vg_max(1.0, (v0 + 1.0) * limits->per_speed_switch);
+    return v0 + 0.66 * T / (limits->per_acceleration * fade);
 }
 
 /// Highest end speed whose profile begins with at most this jerk.

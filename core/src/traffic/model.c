@@ -12,8 +12,9 @@
 // speed limit is reached.
 static const double trend_s = 2.0;     // [s]
 static const double speeding_up = 0.1; // [m/s^2] above the noise of constant speed
-// BEST: comfortable acceleration of a car. [m/s^2]
-static const double comfort_acceleration = 1.5;
+// BEST: comfortable acceleration of a car [m/s^2]; share of the largest acceleration that is the mean
+// of a step, because a trajectory takes it up and ends it smoothly [1].
+static const double comfort_acceleration = 1.5, mean_of_peak = 0.65;
 // BEST: time gap to a vehicle that verge does not plan, by the cooperation factor of the habit: 1.0 s
 // aggressive, 1.5 s normal, 2.0 s conservative. [s]
 static const double gap_least = 1.0, gap_most = 2.0, gap_normal = 1.5, gap_by_cooperation = 1.25;
@@ -103,7 +104,8 @@ static void limit_actions(vg_model* model, const verge_vehicle* vehicle, uint32_
     const verge_body body = verge_vehicle_body(vehicle);
     const double fade = vg_min(1.0, body.speed_switch / vg_max(vehicle->speed, 1e-3));
     const double wanted = model->best ? comfort_acceleration : def->acceleration;
-    const double a = vg_min(wanted, body.acceleration_max * fade);
+    const double share = model->best ? mean_of_peak : 1.0;
+    const double a = vg_min(wanted, share * body.acceleration_max * fade);
     const float dt = (float)def->step_s;
     model->acceleration[slot] = a;
     model->gain[slot] = (float)a * dt;

@@ -10,14 +10,14 @@
 // BEST. A loss of loss_scale halves the reward for progress. [s]
 static const double loss_scale = 30.0;
 // Share of reward_room in BEST, where being late costs less than it does in the paper's reward. [1]
-static const float room_share = 1.7f;
+static const float room_share = 0.8f;
 // Braking harder than this costs reward. [m/s^2], [1 per m/s^2 and step]
 static const float harsh_from = 2.0f, harsh_cost = 0.01f;
 // Change of speed in one step that counts as a whole reversal. [m/s]
 static const float reversal_speed = 4.0f;
 // Cost of each second in a lane that does not lead to the target: small where the vehicle leaves the
 // target lane to overtake, larger where it is not there yet. [1]
-static const float cost_of_leaving = 0.2f, cost_of_missing = 1.5f;
+static const float cost_of_leaving = 0.2f, cost_of_missing = 2.2f;
 // A vehicle nearer than this to the one ahead follows it. [s]
 static const float following_s = 4.0f;
 // Between two lanes at the horizon: cost [s], of this offset [m].

@@ -22,7 +22,6 @@ static const double link_bend_max = 0.2;
 static const double link_limit_share = 0.5;
 
 static vg_profile stop_smoothly(const vg_state* start, double T);
-static void append(vg_profile* profile, double duration, double jerk, double snap);
 static void link(vg_leg* leg, const vg_axis_state* here, double shortest, double offset,
                  double speed);
 static double link_strain(const vg_leg* leg, const vg_axis_state* from, double T, double offset,
@@ -78,25 +77,12 @@ static vg_profile stop_smoothly(const vg_state* start, double T)
         profile.pieces[0] = (vg_piece){ .s = start->s };
         return profile;
     }
-    profile.pieces[0] = (vg_piece){ 0.0, start->s, v, a, 0.0, 0.0 };
-    append(&profile, end, (-6.0 * v - 4.0 * a * end) / (end * end),
-           (6.0 * a * end + 12.0 * v) / (end * end * end));
-    vg_piece* last = &profile.pieces[1];
-    last->v = last->a = 0.0;
+    profile.pieces[0] = (vg_piece){ 0.0, start->s, v, a,
+                                    (-6.0 * v - 4.0 * a * end) / (end * end),
+                                    (6.0 * a * end + 12.0 * v) / (end * end * end) };
+    profile.pieces[1] = (vg_piece){ .t = end, .s = vg_profile_at(&profile, end).s };
+    profile.count = 2;
     return profile;
-}
-
-/// Gives the last piece a jerk, a snap and an end, and begins the next one there.
-static void append(vg_profile* profile, double duration, double jerk, double snap)
-{
-    VERGE_ASSERT(profile->count >= 1 && profile->count < VG_PIECES_MAX);
-    VERGE_ASSERT(duration >= 0.0);
-    vg_piece* last = &profile->pieces[profile->count - 1];
-    last->j = jerk;
-    last->snap = snap;
-    const vg_piece next = vg_profile_at(profile, last->t + duration);
-    profile->pieces[profile->count++] =
-        (vg_piece){ last->t + duration, next.s, next.v, next.a, 0.0, 0.0 };
 }
 
 vg_piece vg_profile_at(const vg_profile* profile, double t)

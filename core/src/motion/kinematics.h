@@ -110,6 +110,11 @@ vg_motion vg_motion_of(const vg_rear* rear);
 /// position. With v1 = 0 it never moves backwards: it stops earlier if the present deceleration
 /// requires it.
 vg_profile vg_profile_to_speed(const vg_state* start, double v1, double T);
+/// End speed of the profile to a speed above 0 that begins with this jerk, from (v, a). [m/s]
+static inline double vg_profile_end_speed(double v, double a, double T, double jerk)
+{
+    return v + (4.0 * a * T + jerk * T * T) / 6.0;
+}
 vg_piece vg_profile_at(const vg_profile* profile, double t);
 
 /// Chooses the lateral polynomials of a leg of duration T that ends near an offset: by time, or by

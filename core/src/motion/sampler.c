@@ -151,8 +151,8 @@ static bool is_hindered(const vg_job* job, double speed)
 static bool brakes_hard(const vg_workspace* ws, const vg_job* job)
 {
     const vg_segment* first = &job->segments[0];
-    const double T = first->t1 - first->t0, v = ws->start.speed, a = ws->start.acceleration;
-    const double least = v + (4.0 * a * T - job->def->comfort_jerk * T * T) / 6.0;
+    const double least = vg_profile_end_speed(ws->start.speed, ws->start.acceleration,
+                                              first->t1 - first->t0, -job->def->comfort_jerk);
     return first->v < vg_max(least, 0.0) - hard_from;
 }
 

@@ -16,8 +16,6 @@ static const double frame_min = 0.3;
 static region speed_region(const vg_job* job, const vg_segment* segment, uint32_t reference,
                            const vg_following* following, const vg_limits* limits,
                            const vg_state* start, bool emergency);
-static double least_speed(const vg_state* start, double T, double jerk);
-static double most_speed(const vg_state* start, double T, double jerk);
 static double speed_gained(const vg_limits* limits, double v0, double T);
 static double speed_allowed(const vg_job* job, uint32_t lane, double s);
 static uint32_t spread(double* out, uint32_t count, double low, double centre, double high);
@@ -88,9 +86,9 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     const verge_planner_def* def = job->def;
     const bool changing = vg_action_changes_lane(segment->action);
     const double half = changing ? def->region_speed : def->keep_region_speed;
-    const double v0 = start->s_t, T = following->T;
+    const double v0 = start->s_t, a0 = start->s_tt, T = following->T;
     const double eased = vg_max(v0 - VG_LIMIT_BRAKING * T,
-                                least_speed(start, T, 0.9 * def->comfort_jerk));
+                                vg_profile_end_speed(v0, a0, T, -0.9 * def->comfort_jerk));
     const double distance = 0.5 * T * (v0 + vg_min(v0, segment->v));
     const double share = line_share(following->path, start->s + distance, segment->d);
     const double allowed =
@@ -104,15 +102,15 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     // The hardest braking begins with the jerk limit. -v0 - 1 stops a fast vehicle after half of T
     // and one at walking speed sooner: such short stops are left to the sampler's exact limits.
     const double jerk = emergency ? VG_JERK_MAX : def->comfort_jerk;
-    const double hardest = vg_max(least_speed(start, T, 0.98 * jerk), -v0 - 1.0);
+    const double hardest = vg_max(vg_profile_end_speed(v0, a0, T, -0.98 * jerk), -v0 - 1.0);
     const double follow = vg_follow_speed(following, start, VG_FOLLOW_BRAKING);
     v.centre = vg_min(v.centre, vg_max(follow, hardest));
     const double follow_hard = vg_follow_speed(following, start, def->comfort_braking);
     v.high = vg_min(v.high, vg_max(follow_hard, vg_max(v.centre, 0.0)));
-    // The strongest acceleration begins with the jerk limit, too. Lateral motion needs a share of it,
-    // so less acceleration is sampled as well.
-    const double fastest = vg_max(
-        vg_min(most_speed(start, T, 0.98 * jerk), speed_gained(limits, v0, T)), 0.0);
+    // The strongest acceleration begins with the jerk limit, too. Lateral motion needs a share of
+    // it, so less acceleration is sampled as well.
+    const double fastest = vg_max(vg_min(vg_profile_end_speed(v0, a0, T, 0.98 * jerk),
+                                         speed_gained(limits, v0, T)), 0.0);
     v.high = vg_min(v.high, fastest);
     v.centre = vg_min(v.centre, fastest);
     v.low = vg_min(vg_max(decided - half, 0.0), v.centre);
@@ -121,23 +119,11 @@ static region speed_region(const vg_job* job, const vg_segment* segment, uint32_
     return v;
 }
 
-/// Lowest end speed whose profile begins with at most this jerk: (6 (v1 - v0) - 4 a0 T) / T^2.
-static double least_speed(const vg_state* start, double T, double jerk)
-{
-    return start->s_t + (4.0 * start->s_tt * T - jerk * T * T) / 6.0;
-}
-
 /// End speed with the largest acceleration of the body. The profile's peak is 1.5 times its mean.
 static double speed_gained(const vg_limits* limits, double v0, double T)
 {
     const double fade = vg_max(1.0, (v0 + 1.0) * limits->per_speed_switch);
     return v0 + 0.66 * T / (limits->per_acceleration * fade);
-}
-
-/// Highest end speed whose profile begins with at most this jerk.
-static double most_speed(const vg_state* start, double T, double jerk)
-{
-    return start->s_t + (4.0 * start->s_tt * T + jerk * T * T) / 6.0;
 }
 
 /// Highest speed at s of a lane or of its successors: the speed limit, or less in and before bends

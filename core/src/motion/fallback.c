@@ -100,7 +100,9 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_track
         }
     }
     VERGE_ASSERT(taken != NULL);
-    (void)drive(&all, taken);
+    if (!best.clear) { // else it is the last one that was driven
+        (void)drive(&all, taken);
+    }
     ws->cost = vg_motion_cost(ws->motion, ws->limits.rear_axle, job->def,
                               &job->vehicle->habit.weights, tracks, job->track_index);
     plan->status = taken->brakes && taken->where != ACCELERATE ? VERGE_FALLBACK_BRAKE
@@ -163,7 +165,7 @@ static bool drive(const ladder* all, const rung* rung)
 {
     vg_workspace* ws = all->ws;
     const verge_planner_def* def = all->job->def;
-    const uint32_t parts = (uint32_t)(def->point_s / VG_STOP_STEP + 1.0 - 1e-9);
+    const uint32_t parts = vg_parts_of_point(def, VG_STOP_STEP);
     vg_leg leg;
     vg_stop stop = begin(all, rung, &leg);
     bool holds = true;
@@ -234,11 +236,9 @@ static bool meet(const ladder* all, verdict* v)
 static bool way_is_free(const ladder* all)
 {
     const verge_planner_def* def = all->job->def;
-    const uint32_t last = def->points - 1;
-    const vg_following ahead = { all->path, all->tracks, all->job->track_index,
-                                 all->ws->limits.rear_axle, 0, last, def->point_s * last,
-                                 def->idm_gap, def->clearance, 0.0 };
-    return all->ws->motion[last].speed
+    const vg_following ahead = vg_following_to_horizon(
+        def, all->path, all->tracks, all->job->track_index, all->ws->limits.rear_axle);
+    return all->ws->motion[def->points - 1].speed
            <= vg_follow_speed(&ahead, &all->state, def->comfort_braking);
 }
 

@@ -17,6 +17,14 @@ static double distance_behind(const vg_following* f, const vg_state* from, const
 static double end_speed(double distance, double leader, const vg_state* from, double T, double b);
 static double stop_within(double distance, const vg_state* from, double T);
 
+vg_following vg_following_to_horizon(const verge_planner_def* def, const vg_path* path,
+                                     const verge_tracks* tracks, uint32_t own, double rear_axle)
+{
+    const uint32_t last = def->points - 1;
+    return (vg_following){ path, tracks, own, rear_axle, 0, last, def->point_s * last, def->idm_gap,
+                           def->clearance, 0.0 };
+}
+
 double vg_follow_speed(const vg_following* f, const vg_state* from, double braking)
 {
     VERGE_ASSERT(f->T > 0.0 && braking > 0.0);

@@ -28,6 +28,10 @@ typedef struct vg_following {
     double   offset;       ///< [m] of the own body from the path at the end of the segment
 } vg_following;
 
+/// The inputs for a trajectory that stays on one path up to the horizon.
+vg_following vg_following_to_horizon(const verge_planner_def* def, const vg_path* path,
+                                     const verge_tracks* tracks, uint32_t own, double rear_axle);
+
 /// Highest end speed [m/s] from which braking [m/s^2] keeps the gap to all bodies that are ahead at
 /// the start of the segment, are in the path at its end, and stand or move along it, either way.
 /// Below zero: the vehicle has to stop earlier, after T v0 / (v0 - speed). VG_HUGE: no body is

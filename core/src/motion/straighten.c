@@ -98,10 +98,8 @@ bool vg_straighten_applies(vg_workspace* ws, const vg_job* job)
 /// Speed at the end that the bodies ahead allow. [m/s]
 static double speed_behind(const driver* at, const vg_job* job, const verge_tracks* tracks)
 {
-    const verge_planner_def* def = job->def;
-    const uint32_t last = def->points - 1;
-    const vg_following ahead = { at->path, tracks, job->track_index, at->limits->rear_axle, 0, last,
-                                 def->point_s * last, def->idm_gap, def->clearance, 0.0 };
+    const vg_following ahead = vg_following_to_horizon(job->def, at->path, tracks, job->track_index,
+                                                       at->limits->rear_axle);
     const vg_state state = { .s = at->s, .s_t = at->speed, .s_tt = at->acceleration };
     return vg_follow_speed(&ahead, &state, VG_FOLLOW_BRAKING);
 }
@@ -225,7 +223,7 @@ static void set_rear(driver* self)
 /// Drives to the next instant of the trajectory. True: within the limits of the body.
 static bool drive(driver* now, const verge_planner_def* def, double speed_max)
 {
-    const uint32_t parts = (uint32_t)(def->point_s / step_s + 1.0 - 1e-9);
+    const uint32_t parts = vg_parts_of_point(def, step_s);
     const double before = now->acceleration;
     bool holds = true;
     for (uint32_t i = 0; i < parts; ++i) {

@@ -60,6 +60,12 @@ static inline const verge_track* vg_workspace_body(const vg_workspace* workspace
 const vg_path* vg_workspace_path(vg_workspace* ws, const vg_job* job, uint32_t lane,
                                  const vg_path* keep);
 
+/// Number of equal steps of at most `step` [s] from one point of a trajectory to the next.
+static inline uint32_t vg_parts_of_point(const verge_planner_def* def, double step)
+{
+    return (uint32_t)(def->point_s / step + 1.0 - 1e-9);
+}
+
 /// Writes the motion of the rear axle at instant k to body and motion.
 void vg_workspace_place(vg_workspace* ws, uint32_t k, const vg_rear* rear);
 /// Moves the trailer, if there is one, behind the body from instant `start` to `last`.

@@ -8,7 +8,6 @@
 #include "base/scalar.h"
 #include "digest.h"
 #include "motion/job.h"
-#include "motion/why.h"
 #include "traffic/flow.h"
 #include "traffic/signals.h"
 
@@ -340,9 +339,8 @@ static void plan_all(verge_planner* self, verge_plan* plan)
         self->workspaces, self->jobs, count, &self->tracks, plan->vehicles, &plan->replanned_count);
     for (uint32_t i = 0; i < count; ++i) {
         verge_vehicle_plan* of = &plan->vehicles[i];
-        vg_job_end(&self->jobs[i], self->workspaces[i], of);
-        vg_why_fill(scene, (uint32_t)verge_scene_find(scene, of->vehicle_id), of);
-        vg_why_compare(of, plan_before(self, of->vehicle_id));
+        vg_job_end(&self->jobs[i], self->workspaces[i], scene, plan_before(self, of->vehicle_id),
+                   of);
     }
 }
 

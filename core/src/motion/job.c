@@ -278,12 +278,15 @@ static void set_brake_lights(verge_vehicle_plan* plan)
     }
 }
 
-void vg_job_end(const vg_job* job, const vg_workspace* workspace, verge_vehicle_plan* plan)
+void vg_job_end(const vg_job* job, const vg_workspace* workspace, const verge_scene* scene,
+                const verge_vehicle_plan* before, verge_vehicle_plan* plan)
 {
     set_present_action(workspace, plan);
     set_brake_lights(plan);
     plan->change_lane_id = lane_changed_to(job, plan);
     plan->change_end = workspace->lateral_end;
+    vg_why_fill(scene, job->track_index, plan);
+    vg_why_compare(plan, before);
 }
 
 // ---------------------------------------------------------------------------- the stage alone
@@ -392,9 +395,7 @@ verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const 
     self->workspace->ignored = 0;
     vg_vehicle_plan_trajectory(self->workspace, &self->job, tracks, plan);
     self->candidates += self->workspace->evaluated;
-    vg_job_end(&self->job, self->workspace, plan);
-    vg_why_fill(scene, (uint32_t)index, plan);
-    vg_why_compare(plan, before);
+    vg_job_end(&self->job, self->workspace, scene, before, plan);
     return VERGE_OK;
 }
 

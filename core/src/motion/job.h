@@ -17,8 +17,10 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
                   uint32_t vehicle_index, const verge_vehicle_decision* decision,
                   const verge_vehicle_plan* before, verge_vehicle_plan* plan);
 
-/// Completes a plan after its trajectory: brake lights, and the lane change in progress.
-void vg_job_end(const vg_job* job, const vg_workspace* workspace, verge_vehicle_plan* plan);
+/// Completes a plan after its trajectory: the action shown, brake lights, the lane change in
+/// progress, the reason, and what is new against `before`. Scene and before as in vg_job_begin().
+void vg_job_end(const vg_job* job, const vg_workspace* workspace, const verge_scene* scene,
+                const verge_vehicle_plan* before, verge_vehicle_plan* plan);
 
 #ifdef __cplusplus
 }

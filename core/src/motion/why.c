@@ -4,6 +4,7 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "road/road.h"
+#include "traffic/actions.h"
 
 // A slower vehicle stands. [m/s]
 static const double standing_speed = 0.3;
@@ -239,8 +240,7 @@ static verge_cause change_cause(const verge_scene* scene, uint32_t own,
     const int32_t beside = turn > 0   ? road->lanes[lane].left
                            : turn < 0 ? road->lanes[lane].right : -1;
     const bool changes = plan->change_lane_id != VERGE_NO_LANE
-                         || plan->actions[0].action == VERGE_CHANGE_LEFT
-                         || plan->actions[0].action == VERGE_CHANGE_RIGHT;
+                         || vg_action_changes_lane(plan->actions[0].action);
     if (beside < 0 || changes) {
         return none;
     }

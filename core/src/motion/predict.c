@@ -123,9 +123,6 @@ verge_status verge_predict_for(uint64_t config, verge_predictor* self, const ver
         || (decision != NULL && decision->vehicles == NULL && decision->vehicle_count > 0)) {
         return VERGE_ERR_ARGUMENT;
     }
-    if (scene->vehicle_count > self->def.vehicles_max) {
-        return VERGE_ERR_CAPACITY;
-    }
     const verge_planner_def* def = &self->def;
     const uint32_t count = scene->vehicle_count;
     if (!vg_pairs_hold(self->pairs, scene->road)

@@ -2,7 +2,6 @@
 /// heading. Driving backwards is not planned.
 #include "base/contract.h"
 #include "base/scalar.h"
-#include "motion/trailer.h"
 #include "motion/workspace.h"
 #include "verge/limits.h"
 
@@ -44,7 +43,5 @@ void vg_vehicle_stop_reversing(vg_workspace* ws, const vg_job* job, verge_vehicl
                                          .jerk = (a - a_before) / job->def->point_s };
     }
     plan->points[0].jerk = plan->points[1].jerk;
-    if (vg_workspace_bodies(ws) > 1) {
-        vg_trailer_follow(&ws->shape, body, &ws->trailer, 0, last);
-    }
+    vg_workspace_pull_trailer(ws, 0, last);
 }

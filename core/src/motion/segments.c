@@ -58,8 +58,8 @@ static void set_end_beyond_lane(const verge_road* road, const vg_expected_state*
                                                        : (double)end->d;
 }
 
-// The d to which a step that keeps the lane moves. One that comes closer to the centre, and by as much
-// as a vehicle can in a step, is on its way to the centre. [m]
+// The d to which a step that keeps the lane moves. One that comes closer to the centre, and by as
+// much as a vehicle can in a step, is on its way to the centre. [m]
 static double kept_offset(const vg_expected* expected, uint32_t step)
 {
     const vg_expected_state *start = &expected->states[step], *end = &expected->states[step + 1u];
@@ -83,9 +83,9 @@ static bool continues_step(const vg_expected* expected, uint32_t t)
 }
 
 // Sets the end of a segment that covers the steps [from, to). Of the last step only `part` lies
-// within the horizon.
+// within the horizon. whole: a change is aimed at its end, where the horizon cuts it.
 static void set_end(const verge_road* road, const vg_expected* expected, uint32_t from, uint32_t to,
-                    double part, bool whole, bool at_horizon, vg_segment* segment)
+                    double part, bool whole, vg_segment* segment)
 {
     const vg_expected_state* start = &expected->states[from];
     const vg_expected_state* last = &expected->states[to - 1u];
@@ -108,10 +108,7 @@ static void set_end(const verge_road* road, const vg_expected* expected, uint32_
         const float station = last->station + (float)part * (end->station - last->station);
         segment->lane = changed_to(road, end_lane, (double)end->d, action);
         segment->d = y - (double)vg_lane_lateral(&road->lanes[segment->lane], station);
-        // The lateral motion does not end with the horizon, so a change cut by it is aimed whole.
-        if (whole && (part < 1.0 || at_horizon)) {
-            segment->d = 0.0;
-        }
+        segment->d = whole ? 0.0 : segment->d;
     } else if (vg_action_changes_lane(action)) {
         set_end_beyond_lane(road, start, end, action, segment);
     }
@@ -137,8 +134,9 @@ void vg_segments_from(const vg_expected* expected, vg_job* job)
         segment->t0 = t[from];
         segment->t1 = vg_min(t[to], horizon);
         const double part = (segment->t1 - t[to - 1u]) / (t[to] - t[to - 1u]);
-        set_end(job->road, expected, from, to, part, def->search == VERGE_SEARCH_BEST,
-                segment->t1 >= horizon - 1e-9, segment);
+        // The lateral motion does not end with the horizon, so a change up to there is aimed whole.
+        const bool whole = def->search == VERGE_SEARCH_BEST && segment->t1 >= horizon - 1e-9;
+        set_end(job->road, expected, from, to, part, whole, segment);
         from = to;
     }
     VERGE_ASSERT(job->segment_count > 0);

@@ -16,8 +16,7 @@
 /// it began, except by the acceleration it has, which ends at VG_JERK_MAX. The motion is integrated
 /// in steps of at most VG_STOP_STEP.
 ///
-/// The fallback (fallback.c) is made of these, and so is every other stop that a program plans for
-/// a vehicle whose trajectory ends.
+/// The fallback (fallback.c) is made of these.
 #ifndef VG_STOP_H
 #define VG_STOP_H
 

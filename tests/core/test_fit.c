@@ -3,27 +3,19 @@
 /// Method: surveys of known geometry, measured here by dense sampling of the public functions
 /// alone: distances from line to chords and back, curvature as change of heading over distance.
 #include "check.h"
+#include "drawn.h"
 #include "rng.h"
 #include "shipped.h"
 #include "verge/road.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 #ifndef M_PI
 #define M_PI 3.14159265358979323846
 #endif
 
-enum { LANES = 32, POINTS = 1024, SAMPLES = 10001 };
+enum { SAMPLES = 10001 };
 static const double tolerance = 0.15, at_vertices = 0.30; // [m] as road.h has it
-
-static struct {
-    verge_lane_def    lanes[LANES];
-    double            points[LANES][POINTS][2];
-    uint32_t          count;
-    void*             memory;
-    const verge_road* road;
-} c;
 
 /// The line of a lane, densely.
 typedef struct sample {
@@ -32,51 +24,9 @@ typedef struct sample {
 static sample   line[SAMPLES];
 static uint32_t line_count;
 
-static verge_lane_def* add_lane(double width)
+static void add_lane(double width)
 {
-    verge_lane_def* lane = &c.lanes[c.count];
-    *lane = verge_lane_def_default();
-    lane->id = (int32_t)c.count;
-    lane->width = width;
-    lane->points = (const double(*)[2])c.points[c.count++];
-    return lane;
-}
-
-static void add_point(double x, double y)
-{
-    verge_lane_def* lane = &c.lanes[c.count - 1];
-    c.points[c.count - 1][lane->point_count][0] = x;
-    c.points[c.count - 1][lane->point_count++][1] = y;
-}
-
-static void leads_to(uint32_t lane, int32_t next)
-{
-    c.lanes[lane].successors[c.lanes[lane].successor_count++] = next;
-}
-
-static void build(void)
-{
-    const verge_road_def def = { .lanes = c.lanes, .lane_count = c.count };
-    verge_road_fault fault;
-    if (verge_road_check(&def, &fault) != VERGE_OK) {
-        fail_msg("lane %u, %s: %s", fault.lane_index, fault.field, fault.text);
-    }
-    const size_t size = (verge_road_memory_size(&def, NULL) + 63) / 64 * 64;
-    c.memory = aligned_alloc(64, size);
-    assert_int_equal(verge_road_init(&c.road, &def, c.memory, size), VERGE_OK);
-}
-
-static void clear(void)
-{
-    free(c.memory);
-    memset(&c, 0, sizeof c);
-}
-
-static int clear_after(void** state)
-{
-    (void)state;
-    clear();
-    return 0;
+    draw_lane((int32_t)c.count)->width = width;
 }
 
 /// Samples a lane every 0.2 m.

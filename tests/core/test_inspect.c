@@ -2,36 +2,14 @@
 /// odd is not.
 /// Method: small roads with one oddity each; their numbers from the drawing.
 #include "check.h"
+#include "drawn.h"
 #include "verge/body.h"
-#include "verge/road.h"
 
 #include <math.h>
-#include <stdlib.h>
-
-enum { LANES = 3, POINTS = 64 };
-
-static struct {
-    verge_lane_def    lanes[LANES];
-    double            points[LANES][POINTS][2];
-    uint32_t          count;
-    void*             memory;
-    const verge_road* road;
-} c;
 
 static verge_lane_def* add_lane(void)
 {
-    verge_lane_def* lane = &c.lanes[c.count];
-    *lane = verge_lane_def_default();
-    lane->id = 10 + (int32_t)c.count;
-    lane->points = (const double(*)[2])c.points[c.count++];
-    return lane;
-}
-
-static void add_point(double x, double y)
-{
-    verge_lane_def* lane = &c.lanes[c.count - 1];
-    c.points[c.count - 1][lane->point_count][0] = x;
-    c.points[c.count - 1][lane->point_count++][1] = y;
+    return draw_lane(10 + (int32_t)c.count);
 }
 
 static verge_lane_def* add_straight(double x0, double y0, double x1, double y1)
@@ -40,24 +18,6 @@ static verge_lane_def* add_straight(double x0, double y0, double x1, double y1)
     add_point(x0, y0);
     add_point(x1, y1);
     return lane;
-}
-
-static verge_road_def build(void)
-{
-    const verge_road_def def = { .lanes = c.lanes, .lane_count = c.count };
-    const size_t size = (verge_road_memory_size(&def, NULL) + 63) / 64 * 64;
-    assert_true(size > 0);
-    c.memory = aligned_alloc(64, size);
-    assert_int_equal(verge_road_init(&c.road, &def, c.memory, size), VERGE_OK);
-    return def;
-}
-
-static int clear(void** state)
-{
-    (void)state;
-    free(c.memory);
-    memset(&c, 0, sizeof c);
-    return 0;
 }
 
 static verge_lane_report report_of(uint32_t lane)
@@ -85,7 +45,7 @@ static void test_an_ordinary_road_has_no_warning(void** state)
     (void)state;
     add_straight(0.0, 0.0, 100.0, 0.0)->left = 11;
     add_straight(0.0, 3.5, 100.0, 3.5)->right = 10;
-    c.lanes[0].successors[c.lanes[0].successor_count++] = 12;
+    leads_to(0, 12);
     add_lane();
     for (int i = 0; i <= 30; ++i) {
         add_point(100.0 + 20.0 * sin(i * 0.05), 20.0 * (1.0 - cos(i * 0.05)));
@@ -147,21 +107,21 @@ static void test_neighbours_are_checked_from_both_sides(void** state)
     build();
     assert_int_equal(only_warning(0, "left", "does not name").other_lane, 11);
     assert_int_equal(report_of(1).warning_count, 0);
-    clear(NULL);
+    clear();
 
     add_straight(0.0, 0.0, 100.0, 0.0)->left = 11; // opposed
     add_straight(100.0, 3.5, 0.0, 3.5)->right = 10;
     build();
     (void)only_warning(0, "left", "opposite");
     (void)only_warning(1, "right", "opposite");
-    clear(NULL);
+    clear();
 
     add_straight(0.0, 0.0, 100.0, 0.0)->right = 11; // left and right exchanged
     add_straight(0.0, 3.5, 100.0, 3.5)->left = 10;
     build();
     (void)only_warning(0, "right", "on the left");
     (void)only_warning(1, "left", "on the right");
-    clear(NULL);
+    clear();
 
     add_straight(0.0, 0.0, 100.0, 0.0)->left = 11; // far away
     add_straight(0.0, 30.0, 100.0, 30.0)->right = 10;
@@ -199,7 +159,7 @@ static void test_a_report_is_of_a_lane_of_its_own_road(void** state)
     assert_int_equal(verge_road_report(c.road, &def, 0, &report), VERGE_ERR_ARGUMENT);
 }
 
-#define CLAIM(test) cmocka_unit_test_setup_teardown(test, NULL, clear)
+#define CLAIM(test) cmocka_unit_test_setup_teardown(test, NULL, clear_after)
 
 int main(void)
 {

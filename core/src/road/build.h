@@ -18,6 +18,11 @@ extern "C" {
 #define VG_FIT_WINDOW 6.0
 /// An arc through surveyed points leaves their chord by less than this, or it is not believed. [m]
 #define VG_FIT_RISE 0.15
+/// An end and a start that are nearer than this are one point, where one lane continues the other.
+/// [m]
+#define VG_JOINT_GAP 0.5
+/// Lanes whose centres are more than this many mean widths apart are not beside each other. [1]
+#define VG_BESIDE_WIDTHS_MAX 1.6
 /// Surveyed points nearer to one another than this are averaged: the fit takes a sample a metre,
 /// and the mean of several points has less noise than each. [m]
 #define VG_SURVEY_SPACING 0.5

@@ -17,9 +17,9 @@ static const double beside_cosine = 0.7;    // [1]
 /// from its centre; larger ratios are errors of the survey.
 static const double rate_min = 0.5;
 static const double rate_max = 2.0;
-/// A lane change is possible where the centres are 0.4 to 1.6 mean widths apart and the directions
-/// differ by at most 0.5 rad (cosine).
-static const double gap_min = 0.4, gap_max = 1.6;
+/// A lane change is possible where the centres are between this many and VG_BESIDE_WIDTHS_MAX mean
+/// widths apart [1] and the directions differ by at most 0.5 rad (cosine).
+static const double gap_min = 0.4;
 static const double change_cosine = 0.87758256189037271;
 
 /// Lanes that start or end together do so within this. [m]
@@ -412,7 +412,8 @@ static float gap_at(const vg_road_draft* draft, uint32_t index, bool left, doubl
     const double cosine = at.cos_heading * there.cos_heading + at.sin_heading * there.sin_heading;
     const double gap = left ? -d : d;
     const double width = 0.5 * (lane->width + neighbour->width);
-    if (!(gap >= gap_min * width && gap <= gap_max * width && cosine >= change_cosine)) {
+    if (!(gap >= gap_min * width && gap <= VG_BESIDE_WIDTHS_MAX * width
+          && cosine >= change_cosine)) {
         return 0.0f;
     }
     last->beside = true;

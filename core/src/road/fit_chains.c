@@ -4,8 +4,8 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 
-static const double joint_gap = 0.5;   // [m] ends this close are one point
-static const double joint_share = 0.2; // [1] and no further apart than this share of either lane
+/// Ends that are one point are no further apart than this share of either lane. [1]
+static const double joint_share = 0.2;
 /// A lane shorter than this does not tell the direction of all lanes that meet it. [m]
 static const double leader_length = 10.0;
 
@@ -56,7 +56,7 @@ static bool joined(const graph* graph, uint32_t lane, uint32_t* next)
         return false;
     }
     *next = (uint32_t)to;
-    return gap_between(from, &graph->def->lanes[to]) < joint_gap;
+    return gap_between(from, &graph->def->lanes[to]) < VG_JOINT_GAP;
 }
 
 /// Adds the chain that begins with `lane`.
@@ -101,7 +101,8 @@ static double bend_between(const verge_lane_def* from, const verge_lane_def* to)
 {
     static const double length = 3.0; // [m] over which a step of curvature counts as a turn
     const vg_bearing a = vg_survey_bearing(from, true), b = vg_survey_bearing(to, false);
-    return vg_abs(vg_wrap_angle(b.heading - a.heading)) + length * vg_abs(b.curvature - a.curvature);
+    return vg_abs(vg_wrap_angle(b.heading - a.heading))
+           + length * vg_abs(b.curvature - a.curvature);
 }
 
 /// All steps from a lane's end to the start of a lane that continues it, where chains meet.
@@ -128,7 +129,7 @@ static bool next_link(const links* self, link* at)
             at->to = (uint32_t)vg_lanes_find(def, self->all.by_id, id);
             const double shorter = vg_min(self->lengths[at->from], self->lengths[at->to]);
             if (!self->inner[at->to] && gap_between(lane, &def->lanes[at->to])
-                                            < vg_min(joint_gap, joint_share * shorter)) {
+                                            < vg_min(VG_JOINT_GAP, joint_share * shorter)) {
                 return true;
             }
         }

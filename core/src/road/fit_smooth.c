@@ -19,12 +19,18 @@ static const double shrink_reach = 3.0;
 static const double direction_weight = 1e9;
 enum { ROUNDS = 24 };                        // 7 shrink 12 m to the least; more as it spreads
 
+/// (L / h)^6
+static double penalty_of(double smoothing, double spacing)
+{
+    const double ratio = smoothing / spacing;
+    return ratio * ratio * ratio * ratio * ratio * ratio;
+}
+
 /// Adds the penalty on the third differences from sample j on.
 static void add_penalty(vg_fit_sample* p, uint32_t j, double spacing)
 {
     static const double difference[4] = { -1.0, 3.0, -3.0, 1.0 };
-    const double ratio = vg_min(p[j + 1].smoothing, p[j + 2].smoothing) / spacing;
-    const double penalty = ratio * ratio * ratio * ratio * ratio * ratio;
+    const double penalty = penalty_of(vg_min(p[j + 1].smoothing, p[j + 2].smoothing), spacing);
     const double dx = (p[j + 3].px - p[j].px) - 3.0 * (p[j + 2].px - p[j + 1].px);
     const double dy = (p[j + 3].py - p[j].py) - 3.0 * (p[j + 2].py - p[j + 1].py);
     for (uint32_t m = 0; m < 4; ++m) {
@@ -58,8 +64,8 @@ static void add_row(vg_fit* self, int end, double weight, const double row[4], d
     }
 }
 
-/// Holds direction, and maybe curvature, at an end with a pose: first and second derivatives of the cubic
-/// through its four samples.
+/// Holds direction, and maybe curvature, at an end with a pose: first and second derivatives of the
+/// cubic through its four samples.
 static void hold_end(vg_fit* self, int end)
 {
     static const double first[4] = { -11.0 / 6.0, 3.0, -1.5, 1.0 / 3.0 };
@@ -69,9 +75,8 @@ static void hold_end(vg_fit* self, int end)
     const double bend = pose->curvature * h * h;
     add_row(self, end, direction_weight, first, h * pose->cos_heading, h * pose->sin_heading);
     if (self->curvature_weight[end] > 0.0) {
-        const double ratio = self->samples[end == 0 ? 0 : self->sample_count - 1].smoothing
-                             / self->spacing;
-        const double penalty = ratio * ratio * ratio * ratio * ratio * ratio;
+        const vg_fit_sample* p = &self->samples[end == 0 ? 0 : self->sample_count - 1];
+        const double penalty = penalty_of(p->smoothing, self->spacing);
         add_row(self, end, self->curvature_weight[end] * penalty, second, -bend * pose->sin_heading,
                 bend * pose->cos_heading);
     }

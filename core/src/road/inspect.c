@@ -9,9 +9,6 @@ static const double radius_max = 1e6;
 static const double line_step = 0.5;              // [m] between places where the line is looked at
 static const double beside_step = 5.0;            // [m] the same, for its neighbours
 static const double angle_max = 0.17453292519943; // [rad] 10 degrees
-static const double gap_max = 0.5;                // [m] lanes this close are joined
-/// As many mean widths apart, neighbours are not beside one another (as in bundle.c).
-static const double distant_widths = 1.6;
 /// Three turns that are this much alike, and smaller, are those of one bend: a survey that goes on
 /// like this is sparse.
 static const double alike = 1.3, turn_max = 0.21; // [1], [rad]
@@ -162,7 +159,7 @@ static void inspect_neighbour(inspected* self, bool left)
     const int32_t back = left ? other->right : other->left;
     const beside run = run_beside(self, other, left);
     const double widths = 0.5 * (self->lane->width + other->width);
-    if (run.places == 0 || run.nearest > distant_widths * widths) {
+    if (run.places == 0 || run.nearest > VG_BESIDE_WIDTHS_MAX * widths) {
         warn(self, field, "is nowhere beside this lane; the nearest place is this far away [m]",
              run.places == 0 ? 0.0 : run.nearest, other->id);
         return;
@@ -192,7 +189,7 @@ static void inspect_successors(inspected* self)
                                    + vg_square(next->points[0][1] - end[1]));
         const double angle = vg_abs(
             vg_wrap_angle(vg_survey_bearing(next, false).heading - bearing.heading));
-        if (gap > gap_max) {
+        if (gap > VG_JOINT_GAP) {
             warn(self, "successors", "begins this far from the end of the lane [m]", gap, next->id);
         }
         if (angle > angle_max) {

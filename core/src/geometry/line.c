@@ -41,8 +41,7 @@ vg_reference vg_line_at(const vg_line* self, double s)
     vg_reference at = { .cos_heading = x.rs / norm, .sin_heading = y.rs / norm };
     at.x = x.r + beyond * at.cos_heading;
     at.y = y.r + beyond * at.sin_heading;
-    if (vg_abs(beyond)
-        < 1e-9) { // at the end itself, with rounding, the curvature is that of the end
+    if (vg_abs(beyond) < 1e-9) { // the end itself, with rounding: it has its curvature
         const double cube = norm * norm * norm;
         at.curvature = (x.rs * y.rss - y.rs * x.rss) / cube;
         at.curvature_rate = (x.rs * y.rsss - y.rs * x.rsss) / cube

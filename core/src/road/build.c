@@ -227,7 +227,8 @@ static void place_stop_lines(vg_road_draft* draft)
     for (uint32_t i = 0; i < draft->road->lane_count; ++i) {
         const verge_lane_def* def = &draft->def->lanes[i];
         vg_lane* lane = &draft->road->lanes[i];
-        lane->stop_line = def->stop_line_given ? vg_min(def->stop_line, lane->length) : lane->length;
+        lane->stop_line =
+            def->stop_line_given ? vg_min(def->stop_line, lane->length) : lane->length;
     }
 }
 

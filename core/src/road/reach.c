@@ -1,5 +1,5 @@
 /// Dijkstra's algorithm over the lanes downstream of one, up to VG_RELATION_REACH: how far away
-/// each is, and where its stations begin on the first one's axis. See vg_reach_walk() in build.h.
+/// each is, and where its stations begin on the first one's axis. See vg_reach_walk() in local.h.
 #include "road/local.h"
 
 #include "base/contract.h"

@@ -8,6 +8,7 @@
 // A lane runs along a heading if the angle between them is below 60 degrees. [1] its cosine
 static const double same_direction = 0.5;
 
+static int32_t index_of(const verge_road* road, int32_t lane_id);
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id);
 static verge_lane_position position_on(const vg_lane* lane, double x, double y, double s_hint);
 static verge_lane_position position_at(const vg_lane* lane, double x, double y, double s);
@@ -70,8 +71,8 @@ verge_lane_position verge_road_project_on(const verge_road* road, int32_t lane_i
     return position_on(lane, x, y, 0.0);
 }
 
-// The knot of a chunk that is nearest to the point, if the lane runs along the heading there and the
-// point is nearer than sqrt(*least).
+// The knot of a chunk that is nearest to the point, if the lane runs along the heading there and
+// the point is nearer than sqrt(*least).
 static int32_t knot_along(const vg_line* line, const vg_nearby* nearby, uint32_t chunk,
                           const double direction[2], double* least)
 {
@@ -92,8 +93,9 @@ static int32_t knot_along(const vg_line* line, const vg_nearby* nearby, uint32_t
 
 // A lane may cross itself or come back beside itself: the nearest place is not always the one where
 // a body is. If the lane runs in another direction there, its other parts near the point are tried.
-static verge_lane_position position_along(const vg_nearby* nearby, double heading)
+verge_lane_position vg_nearby_position(const vg_nearby* nearby, double heading)
 {
+    heading = vg_wrap_angle(heading);
     const vg_lane* lane = &nearby->road->lanes[nearby->lane];
     const vg_grid* grid = &nearby->road->grid;
     const verge_lane_position nearest = position_on(lane, nearby->x, nearby->y, nearby->s);
@@ -117,11 +119,6 @@ static verge_lane_position position_along(const vg_nearby* nearby, double headin
     return knot < 0 ? nearest
                     : position_at(lane, nearby->x, nearby->y,
                                   vg_lane_project(lane, nearby->x, nearby->y, s));
-}
-
-verge_lane_position vg_nearby_position(const vg_nearby* nearby, double heading)
-{
-    return position_along(nearby, vg_wrap_angle(heading));
 }
 
 bool verge_road_at(const verge_road* road, int32_t lane_id, double s, double d,
@@ -182,19 +179,19 @@ static int32_t id_of(const verge_road* road, int32_t lane)
 
 int32_t verge_road_left(const verge_road* road, int32_t lane_id)
 {
-    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
-    return lane < 0 ? VERGE_NO_LANE : id_of(road, road->lanes[lane].left);
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane == NULL ? VERGE_NO_LANE : id_of(road, lane->left);
 }
 
 int32_t verge_road_right(const verge_road* road, int32_t lane_id)
 {
-    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
-    return lane < 0 ? VERGE_NO_LANE : id_of(road, road->lanes[lane].right);
+    const vg_lane* lane = lane_of(road, lane_id);
+    return lane == NULL ? VERGE_NO_LANE : id_of(road, lane->right);
 }
 
 int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_lane)
 {
-    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
+    const int32_t lane = index_of(road, lane_id);
     if (lane < 0) {
         return VERGE_NO_LANE;
     }
@@ -205,8 +202,7 @@ int32_t verge_road_next(const verge_road* road, int32_t lane_id, int32_t target_
 
 bool verge_road_continues(const verge_road* road, int32_t target_lane, int32_t lane_id)
 {
-    const int32_t lane = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
-    const int32_t target = lane < 0 ? -1 : vg_road_lane_index(road, target_lane);
+    const int32_t lane = index_of(road, lane_id), target = index_of(road, target_lane);
     return lane >= 0 && target >= 0 && vg_road_continues(road, (uint32_t)target, (uint32_t)lane);
 }
 
@@ -260,9 +256,15 @@ double vg_lane_s(const vg_lane* lane, double station)
     return s0 + (bins - (double)bin) * (s1 - s0);
 }
 
+/// -1: there is no such lane, or no road.
+static int32_t index_of(const verge_road* road, int32_t lane_id)
+{
+    return road == NULL ? -1 : vg_road_lane_index(road, lane_id);
+}
+
 static const vg_lane* lane_of(const verge_road* road, int32_t lane_id)
 {
-    const int32_t index = road == NULL ? -1 : vg_road_lane_index(road, lane_id);
+    const int32_t index = index_of(road, lane_id);
     return index < 0 ? NULL : &road->lanes[index];
 }
 

@@ -89,14 +89,14 @@ typedef struct vg_merge {
     float    offset, lateral, touch; ///< [m] see vg_relation
 } vg_merge;
 
-/// Stretches of two lanes, not related above, where bodies of up to 2.6 m could touch: a crossing, a
-/// roundabout entry that no successor describes, the begin of lanes that part. Stored for both.
+/// Stretches of two lanes, not related above, where bodies of up to 2.6 m could touch: a crossing,
+/// a roundabout entry that no successor describes, the begin of lanes that part. Stored for both.
 typedef struct vg_conflict {
     uint16_t other;                ///< lane index
     float    from, to;             ///< [m] stretch of the lane, in its stations
     float    other_from, other_to; ///< [m] stretch of `other`, in its stations
-    bool     parts;                ///< both come from one lane and have not parted yet here: a vehicle
-                                   ///< on one follows a vehicle on the other
+    bool     parts;                ///< both come from one lane and have not parted yet here: a
+                                   ///< vehicle on one follows a vehicle on the other
 } vg_conflict;
 
 /// Some metres of one lane, for looking up what is near a point.
@@ -175,7 +175,7 @@ typedef struct vg_nearby {
 } vg_nearby;
 vg_nearby vg_road_nearby(const struct verge_road* road, double x, double y);
 int32_t   vg_nearby_next(vg_nearby* nearby);
-/// The position of (x, y) on that lane. Where the lane comes by twice: where it runs along `heading`.
+/// The position of (x, y) on that lane. If the lane comes by twice: where it runs along `heading`.
 verge_lane_position vg_nearby_position(const vg_nearby* nearby, double heading);
 
 static inline uint32_t vg_lane_predecessor_count(const struct verge_road* road, uint32_t lane)

@@ -1,6 +1,7 @@
 /// Goal: a vehicle passes a body that stands partly in its lane where the room suffices, on the free
 ///       side, with distance to it and within the lane; elsewhere it keeps to the centre.
 /// Method: bodies at all places across a lane against plain arithmetic, and a closed loop.
+#include "closed_loop.h"
 #include "stage.h"
 
 #include "traffic/goal.h"
@@ -167,13 +168,7 @@ static double drive(stage* at, verge_vehicle both[2], double x, bool planned)
             }
         }
         for (uint32_t k = 1; k <= 5; ++k) {
-            const verge_point* p = &plan.vehicles[0].points[k];
-            both[0].x = p->x;
-            both[0].y = p->y;
-            both[0].heading = p->heading;
-            both[0].speed = p->speed;
-            both[0].acceleration = p->acceleration;
-            both[0].yaw_rate = p->curvature * p->speed;
+            take_point(&both[0], &plan.vehicles[0].points[k]);
             least = fmin(least, verge_vehicles_distance(&both[0], &both[1]));
         }
     }

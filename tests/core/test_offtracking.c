@@ -5,6 +5,7 @@
 /// formulas of this file; the closed form of steady-state off-tracking. Single cases for a trailer
 /// that other vehicles, and its own tractor, have to leave room for.
 #include "check.h"
+#include "closed_loop.h"
 #include "strict.h"
 
 #include "verge/verge.h"
@@ -83,15 +84,10 @@ typedef struct drive {
     verge_vehicle at[ROWS_MAX];
 } drive;
 
-static void take_point(verge_vehicle* vehicle, const verge_point* p)
+static void take_point_with_trailer(verge_vehicle* vehicle, const verge_point* p)
 {
     const verge_vehicle before = *vehicle;
-    vehicle->x = p->x;
-    vehicle->y = p->y;
-    vehicle->heading = p->heading;
-    vehicle->speed = p->speed;
-    vehicle->acceleration = p->acceleration;
-    vehicle->yaw_rate = p->curvature * p->speed;
+    take_point(vehicle, p);
     vehicle->trailer_heading = verge_vehicle_trailer_heading(&before, vehicle);
 }
 
@@ -111,7 +107,7 @@ static void corner_drive(corner* at, verge_vehicle* vehicles, uint32_t count, do
         }
         out->fallbacks += plan.vehicles[0].status != VERGE_PLANNED;
         for (uint32_t k = 1; k <= PER_PLAN; ++k) {
-            take_point(&vehicles[0], &plan.vehicles[0].points[k]);
+            take_point_with_trailer(&vehicles[0], &plan.vehicles[0].points[k]);
             out->at[out->count++] = vehicles[0];
         }
     }

@@ -1,5 +1,6 @@
 // The planner through its public interface: memory, refusals, and the properties of every plan.
 #include "check.h"
+#include "closed_loop.h"
 #include "rng.h"
 
 #include "verge/verge.h"
@@ -634,13 +635,7 @@ static void drive_on(const verge_planner_def* def, verge_vehicle* vehicles, uint
         verge_vehicle* v = &vehicles[i];
         for (uint32_t p = 0; p < plan.vehicle_count; ++p) {
             if (plan.vehicles[p].vehicle_id == v->id) {
-                const verge_point* at = &plan.vehicles[p].points[k];
-                v->x = at->x;
-                v->y = at->y;
-                v->heading = at->heading;
-                v->speed = at->speed;
-                v->acceleration = at->acceleration;
-                v->yaw_rate = at->speed * at->curvature;
+                take_point(v, &plan.vehicles[p].points[k]);
             }
         }
         for (uint32_t p = 0; p < plan.prediction_count; ++p) {

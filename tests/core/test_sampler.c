@@ -2,6 +2,7 @@
 /// Method: an independent judge (strict.h) over random scenes; single cases for standstill, stops,
 /// starts, slow changes, dead ends, overlaps and fallbacks.
 #include "check.h"
+#include "closed_loop.h"
 #include "rng.h"
 #include "scene.h"
 #include "strict.h"
@@ -260,14 +261,8 @@ static void test_a_vehicle_stops_behind_a_standing_one(void** state)
 static void drive_on(scene* w)
 {
     const verge_point* p = &w->plans[0].points[5];
-    verge_vehicle* v = &w->vehicles[0];
     vg_job* job = &w->jobs[0];
-    v->x = p->x;
-    v->y = p->y;
-    v->heading = p->heading;
-    v->speed = p->speed;
-    v->acceleration = p->acceleration;
-    v->yaw_rate = p->curvature * p->speed;
+    take_point(&w->vehicles[0], p);
     job->curvature = p->curvature;
     const verge_lane_position at = verge_road_project_on(w->road, (int32_t)job->lane, p->x, p->y);
     job->s = at.s;

@@ -1,6 +1,7 @@
 // The public stages by themselves, as a program uses them that brings its own decision, prediction
 // or trajectory planner: public headers only.
 #include "check.h"
+#include "closed_loop.h"
 
 #include <verge/verge.h>
 
@@ -182,13 +183,7 @@ static void a_hand_written_decision_reaches_its_lane_and_its_speed(void** state)
         one.decision.vehicle_count = 1;
         before = plan_three(&one, cycle == 0 ? NULL : &before);
         assert_int_equal(before.status, VERGE_PLANNED);
-        const verge_point* next = &before.points[1];
-        vehicle.x = next->x;
-        vehicle.y = next->y;
-        vehicle.heading = next->heading;
-        vehicle.speed = next->speed;
-        vehicle.acceleration = next->acceleration;
-        vehicle.yaw_rate = next->speed * next->curvature;
+        take_point(&vehicle, &before.points[1]);
     }
     CHECK_NEAR(vehicle.y, lane_width, 0.3);
     CHECK_NEAR(vehicle.speed, wanted, 0.5);
@@ -584,13 +579,7 @@ static void the_stages_alone_plan_what_the_planner_plans(void** state)
             assert_int_equal(verge_plan_vehicle(one.sampler, &one.scene, &one.decisions[i],
                                                 &one.tracks, last, &now[i]), VERGE_OK);
             same_plan(&now[i], &whole.vehicles[i]);
-            const verge_point* at = &now[i].points[5];
-            heard[i].x = at->x;
-            heard[i].y = at->y;
-            heard[i].heading = at->heading;
-            heard[i].speed = at->speed;
-            heard[i].acceleration = at->acceleration;
-            heard[i].yaw_rate = at->speed * at->curvature;
+            take_point(&heard[i], &now[i].points[5]);
         }
         memcpy(before, now, sizeof before);
         heard[2].x += 4.0;

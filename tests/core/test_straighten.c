@@ -2,6 +2,7 @@
 /// Method: cycles of 0.5 s on straight and bent roads of one or two lanes, turned by up to 60
 /// degrees to both sides; the strict judge's limits of the body; the place of the body's axis.
 #include "check.h"
+#include "closed_loop.h"
 
 #include "rng.h"
 #include "strict.h"
@@ -68,13 +69,7 @@ static verge_vehicle standing(const site* at, double s, double d, double turned)
 
 static void drive_on(const verge_vehicle_plan* plan, verge_vehicle* vehicle)
 {
-    const verge_point* p = &plan->points[5];
-    vehicle->x = p->x;
-    vehicle->y = p->y;
-    vehicle->heading = p->heading;
-    vehicle->speed = p->speed;
-    vehicle->acceleration = p->acceleration;
-    vehicle->yaw_rate = p->speed * p->curvature;
+    take_point(vehicle, &plan->points[5]);
 }
 
 /// How far the ends of the body's axis lie beside the lanes. [m]

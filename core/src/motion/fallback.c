@@ -48,8 +48,6 @@ static const rung rungs[] = {
 };
 enum { RUNGS = sizeof rungs / sizeof rungs[0] };
 
-/// Braking that may be needed after the horizon before the end of a lane, on a dry road. [m/s^2]
-static const double dead_end_braking = 8.0;
 /// Free space between the body and the lane boundary at an offset. [m]
 static const double goal_reserve = 0.1;
 /// An overlap with a body in front may grow by this much. [m]
@@ -132,7 +130,7 @@ static bool offers(const ladder* all, const rung* rung)
 {
     const vg_job* job = all->job;
     if (rung->where == STRAIGHT) {
-        return all->path == NULL || rung->level >= dead_end_braking;
+        return all->path == NULL || rung->level >= VG_DEAD_END_BRAKING;
     }
     const double room = all->path == NULL ? 0.0
                                           : 0.5 * job->road->lanes[job->lane].width
@@ -252,8 +250,8 @@ static verdict evaluate(const ladder* all, const rung* rung)
     const bool grows = meet(all, &v);
     const vg_lane* lane = job->on_road ? &job->road->lanes[job->lane] : NULL;
     const bool ends = lane != NULL && lane->dead_end;
-    const double later = rung->brakes ? dead_end_braking : job->def->comfort_braking;
-    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, dead_end_braking, false);
+    const double later = rung->brakes ? VG_DEAD_END_BRAKING : job->def->comfort_braking;
+    v.stays = !ends || !vg_workspace_runs_out(ws, job, lane, last, VG_DEAD_END_BRAKING, false);
     const bool easily = !ends || !vg_workspace_runs_out(ws, job, lane, last, later, false);
     v.speed = ws->body.speed[last];
     v.clear = v.holds && v.contact > last && easily && !grows

@@ -112,13 +112,13 @@ void vg_leg_link(vg_leg* leg, const vg_state* start, double T, double offset)
         slowest = vg_min(slowest, v);
         fastest = vg_max(fastest, v);
     }
-    leg->s_start = start->s;
-    leg->by_distance = slowest < VERGE_SPEED_SLOW;
-    if (leg->by_distance) {
+    if (slowest < VERGE_SPEED_SLOW) {
         const double distance = vg_profile_at(&leg->profile, T).s - start->s;
         vg_leg_link_by_distance(leg, start, distance, offset, vg_max(fastest, 0.5));
         return;
     }
+    leg->s_start = start->s;
+    leg->by_distance = false;
     const double v = start->s_t;
     const vg_axis_state here = { start->d, start->d1 * v,
                                  start->d2 * v * v + start->d1 * start->s_tt };

@@ -30,8 +30,6 @@ static const double standing = 0.3, walking = 2.0;
 static const double late_from = 0.6, nearer_by = 0.2;
 /// An end speed decided below the comfortable ones by this much is meant. [m/s]
 static const double hard_from = 1.0;
-/// Braking before the end of a lane without the limits of normal driving, on a dry road. [m/s^2]
-static const double dead_end_braking = 8.0;
 /// A lane change over the end of a lane is no faster than this. [m/s]
 static const double swing_out_speed = 10.0;
 
@@ -122,6 +120,7 @@ static bool plan_sampled(vg_workspace* ws, const vg_job* job, const verge_tracks
     const bool better = vg_straighten(ws, job, tracks, lane)
                         && (late ? distance_beside(ws, job, lane) < beside - nearer_by
                                  : ws->motion[last].speed > speed + standing);
+    // The workspace holds one trajectory: that of the chains is planned again.
     return better || (found && attempt_chains(ws, job, tracks));
 }
 
@@ -336,7 +335,7 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
     if ((batch->marks[candidate] & VG_ALARM) != 0 && collides(ws, batch, chain)) {
         return false;
     }
-    const double braking = chain->emergency ? dead_end_braking : job->def->comfort_braking;
+    const double braking = chain->emergency ? VG_DEAD_END_BRAKING : job->def->comfort_braking;
     const vg_lane* lanes = job->road->lanes;
     if (lanes[job->lane].dead_end
         && vg_workspace_runs_out(ws, job, &lanes[job->lane], batch->last, braking,

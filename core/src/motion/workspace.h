@@ -45,6 +45,10 @@ struct vg_workspace {
 
 static_assert(VERGE_VEHICLES_MAX <= 64, "tracks near the start are a 64-bit set");
 
+/// Braking that may be needed after the horizon before the end of a lane, without the limits of
+/// normal driving, on a dry road. [m/s^2]
+#define VG_DEAD_END_BRAKING 8.0
+
 /// Number of bodies of the vehicle, and body i: 0 is the vehicle, 1 its trailer.
 static inline uint32_t vg_workspace_bodies(const vg_workspace* workspace)
 {

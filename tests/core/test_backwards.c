@@ -1,5 +1,5 @@
-/// Goal: a vehicle that moves against its lane, faces back or stands across it is what it is: for the
-///       decision, for the prediction and for the vehicles behind it.
+/// Goal: a vehicle that moves against its lane, faces back or stands across it is what it is: for
+///       the decision, for the prediction and for the vehicles behind it.
 /// Method: scenes of two vehicles on straight lanes, against plain arithmetic.
 #include "decide.h"
 

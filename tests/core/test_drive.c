@@ -1,6 +1,6 @@
-/// Goal: each vehicle by itself drives as traffic does: it reaches the limit and holds it, keeps its
-///       time gap, survives a leader that brakes as hard as it can, and never drives into the end of
-///       a lane; a lane change that is legal costs the one behind no hard braking.
+/// Goal: each vehicle by itself drives as traffic does: it reaches the limit and holds it, keeps
+///       its time gap, survives a leader that brakes as hard as it can, and never drives into the
+///       end of a lane; a lane change that is legal costs the one behind no hard braking.
 /// Method: the policy of every planned vehicle, step by step in the model, without a search.
 #include "stage.h"
 

@@ -1,5 +1,5 @@
-/// Goal: a vehicle passes a body that stands partly in its lane where the room suffices, on the free
-///       side, with distance to it and within the lane; elsewhere it keeps to the centre.
+/// Goal: a vehicle passes a body that stands partly in its lane where the room suffices, on the
+///       free side, with distance to it and within the lane; elsewhere it keeps to the centre.
 /// Method: bodies at all places across a lane against plain arithmetic, and a closed loop.
 #include "closed_loop.h"
 #include "stage.h"

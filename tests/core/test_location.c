@@ -1,6 +1,6 @@
-/// Goal: the lane of a vehicle is the one it drives along: heading comes first, then the distance to
-///       the centre; the route of the last cycle holds while the vehicle is on it; the target breaks
-///       ties only; between the lanes of a junction nobody is on no lane.
+/// Goal: the lane of a vehicle is the one it drives along: heading comes first, then the distance
+///       to the centre; the route of the last cycle holds while the vehicle is on it; the target
+///       breaks ties only; between the lanes of a junction nobody is on no lane.
 /// Method: vehicles at known places of a small junction and of a lane that crosses itself.
 #include "check.h"
 #include "road/road.h"

@@ -1,6 +1,7 @@
-/// Goal: the value-to-go is the least time to the target and on, by keeping lanes and changing them.
-/// Method: parallel lanes of random lengths against a program over every metre, in double precision,
-///         that shares nothing with the tables but the costs of a change.
+/// Goal: the value-to-go is the least time to the target and on, by keeping lanes and changing
+///       them.
+/// Method: parallel lanes of random lengths against a program over every metre, in double
+///         precision, that shares nothing with the tables but the costs of a change.
 #include "stage.h"
 
 #include "traffic/value.h"

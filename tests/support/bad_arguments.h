@@ -1,5 +1,5 @@
-/// What the generated test of bad arguments (bad_arguments.py) calls every public function with: one
-/// valid value of each type. fresh() makes all of them anew before each call.
+/// What the generated test of bad arguments (bad_arguments.py) calls every public function with:
+/// one valid value of each type. fresh() makes all of them anew before each call.
 #ifndef TEST_BAD_ARGUMENTS_H
 #define TEST_BAD_ARGUMENTS_H
 

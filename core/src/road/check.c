@@ -1,7 +1,6 @@
 /// Checks the definition of a road, before anything is built from it.
 #include "road/build.h"
 
-#include "base/contract.h"
 #include "base/scalar.h"
 #include "verge/limits.h"
 

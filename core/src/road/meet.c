@@ -3,7 +3,6 @@
 /// that is a little too high costs a few bytes; so it takes boxes around some metres of survey.
 #include "road/build.h"
 
-#include "base/contract.h"
 #include "base/scalar.h"
 
 #include <stddef.h>

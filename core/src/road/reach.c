@@ -2,7 +2,6 @@
 /// each is, and where its stations begin on the first one's axis. See vg_reach_walk() in local.h.
 #include "road/local.h"
 
-#include "base/contract.h"
 #include "base/scalar.h"
 
 #include <stddef.h>

@@ -77,6 +77,17 @@ uint32_t world_states(const world* self, verge_vehicle states[VERGE_VEHICLES_MAX
     return count;
 }
 
+verge_status world_plan(const world* self, verge_plan* plan)
+{
+    verge_planner*     planner = self->scene->planner;
+    const int64_t      utime = world_utime(self);
+    verge_vehicle      states[VERGE_VEHICLES_MAX];
+    const uint32_t     count = world_states(self, states);
+    const verge_status status =
+        verge_planner_set_signals(planner, utime, self->signals, self->signal_count);
+    return status == VERGE_OK ? verge_planner_step(planner, utime, states, count, plan) : status;
+}
+
 void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
 {
     for (uint32_t i = 0; i < self->vehicle_count; ++i) {

@@ -3,10 +3,7 @@
 ///     world scene;
 ///     world_init(&scene, &loaded);
 ///     for (;;) {
-///         verge_vehicle now[VERGE_VEHICLES_MAX];
-///         uint32_t count = world_states(&scene, now);
-///         verge_planner_set_signals(planner, world_utime(&scene), scene.signals, ...);
-///         verge_planner_step(planner, world_utime(&scene), now, count, &plan);
+///         world_plan(&scene, &plan);
 ///         world_follow(&scene, &plan.vehicles[i], world_time(&scene)); // each i
 ///         world_advance(&scene);
 ///     }
@@ -66,6 +63,9 @@ int64_t world_utime(const world* self); ///< [us] since the scenario's start
 
 /// The vehicles in the scene, as input of a planning step. Returns their number.
 uint32_t world_states(const world* self, verge_vehicle states[VERGE_VEHICLES_MAX]);
+
+/// One step of the scenario's planner for the present state: its vehicles and its signals.
+verge_status world_plan(const world* self, verge_plan* plan);
 
 /// Gives a vehicle its newest plan, whose t = 0 is at plan_time [s] of the world. Plans for
 /// unknown, uncontrolled or absent vehicles are ignored.

@@ -117,10 +117,7 @@ static bool drive_through(drive* self)
 /// Plans for the present state of the world and gives each controlled vehicle its plan.
 static bool plan_cycle(drive* self)
 {
-    verge_vehicle      vehicles[VERGE_VEHICLES_MAX];
-    const uint32_t     count = world_states(&self->world, vehicles);
-    const verge_status status = verge_planner_step(
-        self->scene.planner, world_utime(&self->world), vehicles, count, self->plan);
+    const verge_status status = world_plan(&self->world, self->plan);
     if (status != VERGE_OK) {
         snprintf(self->result->error, sizeof self->result->error, "%s at %g s: %s",
                  self->scene.name, world_time(&self->world), verge_status_text(status));
@@ -146,9 +143,7 @@ static bool decide_once(drive* self)
         self->result->nodes_total = self->decisions->nodes;
         return true;
     }
-    verge_vehicle  vehicles[VERGE_VEHICLES_MAX];
-    const uint32_t count = world_states(&self->world, vehicles);
-    if (verge_planner_step(self->scene.planner, 0, vehicles, count, self->plan) != VERGE_OK) {
+    if (world_plan(&self->world, self->plan) != VERGE_OK) {
         snprintf(self->result->error, sizeof self->result->error, "%s is refused by the planner",
                  self->scene.name);
         return false;

@@ -44,20 +44,14 @@ int main(int argc, char** argv)
 
 static int run(const scenario* scene)
 {
-    static verge_plan    plan;
-    static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
+    static verge_plan plan;
     world start;
     if (!world_init(&start, scene)) {
         fputs("verge-plan:memory: out of memory\n", stderr);
         return 1;
     }
-    const uint32_t count = world_states(&start, vehicles);
-    verge_status   planned =
-        verge_planner_set_signals(scene->planner, 0, start.signals, start.signal_count);
+    const verge_status planned = world_plan(&start, &plan);
     world_free(&start);
-    if (planned == VERGE_OK) {
-        planned = verge_planner_step(scene->planner, 0, vehicles, count, &plan);
-    }
     if (planned != VERGE_OK) {
         fprintf(stderr, "verge-plan:step: %s\n", verge_status_text(planned));
         return 1;

@@ -379,7 +379,6 @@ static bool read_line(recording* self, const char* path, json_file* line)
 static int compare(const char* path, const recording* self, world* world)
 {
     static verge_plan plan;
-    static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     const uint32_t end = (uint32_t)lround(self->scene.duration * WORLD_TICKS_PER_SECOND);
     const uint32_t cycle = (uint32_t)lround(self->scene.replan * WORLD_TICKS_PER_SECOND);
     uint32_t number = 0;
@@ -389,9 +388,7 @@ static int compare(const char* path, const recording* self, world* world)
             continue;
         }
         snprintf(when, sizeof when, "t = %.1f s", world_time(world));
-        const uint32_t count = world_states(world, vehicles);
-        const verge_status status = verge_planner_step(
-            self->scene.planner, world_utime(world), vehicles, count, &plan);
+        const verge_status status = world_plan(world, &plan);
         if (number == self->count && !self->complete) {
             break; // the run was cut short, and all of it has been compared
         }

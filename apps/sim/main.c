@@ -132,17 +132,10 @@ static bool simulate(simulation* self)
 /// Plans for the present state of the world and gives each controlled vehicle its plan.
 static bool plan_cycle(simulation* self)
 {
-    verge_vehicle      vehicles[VERGE_VEHICLES_MAX];
     verge_plan*        plan = &self->plan;
-    const uint32_t     count = world_states(&self->world, vehicles);
-    const int64_t      utime = world_utime(&self->world);
     const double       start = now_ms();
-    verge_status status = verge_planner_set_signals(self->scene->planner, utime,
-                                                    self->world.signals, self->world.signal_count);
-    if (status == VERGE_OK) {
-        status = verge_planner_step(self->scene->planner, utime, vehicles, count, plan);
-    }
-    const double ms = now_ms() - start;
+    const verge_status status = world_plan(&self->world, plan);
+    const double       ms = now_ms() - start;
     if (status != VERGE_OK) {
         fprintf(stderr, "verge-sim:step at %g s: %s\n", world_time(&self->world),
                 verge_status_text(status));

@@ -161,6 +161,25 @@ def check_replay(program, path, folder, seed):
     os.unlink(cut)
 
 
+def check_replay_with_signals(folder, path, programs):
+    """A replay plans with the signals of the run; here every lane turns from green to red."""
+    with open(path, encoding="utf-8") as file:
+        scenario = json.load(file)
+    lit = os.path.join(folder, "lit.json")
+    phases = [{"state": "green", "seconds": 1.2}, {"state": "red", "seconds": 9}]
+    signals = [{"lane": lane["id"], "start": -0.5, "phases": phases}
+               for lane in scenario["road"]["lanes"]]
+    with open(lit, "w", encoding="utf-8") as file:
+        json.dump(scenario | {"signals": signals}, file)
+    recorded = os.path.join(folder, "lit.jsonl")
+    run(programs["sim"], lit, "--no-timing", "--out", recorded)
+    with open(recorded, encoding="utf-8") as file:
+        assert '"code":"signal"' in file.read(), "a vehicle waits for a signal"
+    assert "every digest is the same" in run(programs["replay"], recorded)
+    os.unlink(lit)
+    os.unlink(recorded)
+
+
 def check_standard_output(folder, commands):
     """Where it cannot be written: status 1 and a line that says so."""
     for command in commands:
@@ -228,6 +247,8 @@ def main():
         check_run(runs[0], scenario, printed)
         check_replay(os.path.join(options.bin, "verge-replay"), runs[0], folder,
                      scenario["planner"].get("seed", 1))
+        check_replay_with_signals(folder, os.path.join(options.scenarios, "roundabout.json"), {
+            name: os.path.join(options.bin, f"verge-{name}") for name in ("sim", "replay")})
         check_bench(os.path.join(options.bin, "verge-bench"))
         scene = os.path.abspath(path)
         programs = [os.path.abspath(os.path.join(options.bin, f"verge-{name}"))

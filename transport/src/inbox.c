@@ -17,11 +17,11 @@ static bool          id_taken(const inbox* self, const inbox_slot* slot, inbox_s
                               int64_t now_utime);
 static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_state_t* held,
                                      const verge_vehicle_state_t* state);
-static bool          target_known(const verge_vehicle_state_t* state, const verge_road* road);
+static bool          has_lane(const verge_road* road, int32_t lane);
 static void          slot_store(inbox* self, inbox_slot* slot, const verge_vehicle_state_t* state,
                                 const verge_road* road);
 static float         lane_heading(const verge_road* road, const verge_vehicle_state_t* state);
-static bool          is_of_other_map(const inbox* self, const verge_vehicle_state_t* state);
+static bool          is_other_map(const inbox* self, int32_t map_crc32);
 static bool          is_known_version(int16_t version);
 static bool          on_map(const verge_road* road, const verge_vehicle_state_t* state);
 static void          verdict_count(inbox_counters* counters, inbox_verdict verdict);
@@ -29,7 +29,8 @@ static void          slots_order(inbox* self);
 static uint32_t      controlled_choose(const inbox* self, int64_t plan_utime,
                                        bool chosen[VERGE_VEHICLES_MAX]);
 static bool          wants_plan(const inbox* self, const inbox_slot* slot, int64_t plan_utime);
-static double        age_ms(const verge_vehicle_state_t* state, int64_t at_utime);
+static inbox_verdict age_judge(const inbox* self, int64_t utime, int64_t now_utime);
+static double        age_ms(int64_t utime, int64_t at_utime);
 
 static const inbox_param params[] = {
     { "fresh_ms", "ms", offsetof(inbox_limits, fresh_ms), 10.0, 5000.0,
@@ -115,10 +116,10 @@ void inbox_set_map(inbox* self, uint32_t map_crc32)
     self->map_crc32 = map_crc32;
 }
 
-static bool is_of_other_map(const inbox* self, const verge_vehicle_state_t* state)
+/// The crc32 is that of a message; 0: not stated.
+static bool is_other_map(const inbox* self, int32_t map_crc32)
 {
-    return self->map_crc32 != 0 && state->map_crc32 != 0 && state->target_lane != VERGE_NO_LANE
-           && (uint32_t)state->map_crc32 != self->map_crc32;
+    return self->map_crc32 != 0 && map_crc32 != 0 && (uint32_t)map_crc32 != self->map_crc32;
 }
 
 inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
@@ -127,7 +128,7 @@ inbox_verdict inbox_offer_from(inbox* self, const verge_vehicle_state_t* state,
     assert(source.bus < INBOX_BUSES_MAX);
     inbox_slot*   slot = slot_of(self, state->vehicle_id);
     verge_vehicle_state_t without_target;
-    if (is_of_other_map(self, state)) {
+    if (state->target_lane != VERGE_NO_LANE && is_other_map(self, state->map_crc32)) {
         ++self->counters.rx_other_map;
         without_target = *state;
         without_target.target_lane = VERGE_NO_LANE;
@@ -178,13 +179,13 @@ void inbox_review(inbox* self, const verge_road* road)
         slot->placed = false;
         if (slot->used && !on_map(road, &slot->state)) {
             slot->state.utime = 1; // forgotten by age: the next snapshot cancels and drops it
-        } else if (slot->used && !target_known(&slot->state, road)) {
+        } else if (slot->used && !has_lane(road, slot->state.target_lane)) {
             slot->state.target_lane = VERGE_NO_LANE;
         }
     }
     uint32_t kept = 0;
     for (uint32_t i = 0; i < self->signal_count; ++i) {
-        if (verge_road_continues(road, self->signals[i].lane, self->signals[i].lane)) {
+        if (has_lane(road, self->signals[i].lane)) {
             self->signals[kept++] = self->signals[i];
         }
     }
@@ -212,23 +213,18 @@ static inbox_verdict signal_judge(inbox* self, const verge_lane_signal_t* signal
         self->fault_version = signal->protocol_version;
         return INBOX_VERSION;
     }
-    const char* fault = wire_signal_check(signal);
-    if (fault == NULL && road != NULL && !verge_road_continues(road, signal->lane, signal->lane)) {
-        fault = "lane";
-    }
-    const bool other = self->map_crc32 != 0 && signal->map_crc32 != 0
-                       && (uint32_t)signal->map_crc32 != self->map_crc32;
-    if (other) {
+    if (is_other_map(self, signal->map_crc32)) {
         return INBOX_OTHER_MAP;
+    }
+    const char* fault = wire_signal_check(signal);
+    if (fault == NULL && !has_lane(road, signal->lane)) {
+        fault = "lane";
     }
     if (fault != NULL) {
         self->fault_field = fault;
         return INBOX_OUT_OF_RANGE;
     }
-    const double age = (double)(now_utime - signal->utime) / 1000.0;
-    return age < -self->limits.future_ms ? INBOX_FUTURE
-           : age > self->limits.drop_ms  ? INBOX_STALE
-                                         : INBOX_ACCEPTED;
+    return age_judge(self, signal->utime, now_utime);
 }
 
 static inbox_verdict signal_store(inbox* self, const verge_lane_signal_t* signal)
@@ -270,7 +266,7 @@ uint32_t inbox_signals(const inbox* self, int64_t utime, verge_signal signals[IN
     for (uint32_t i = 0; i < self->signal_count; ++i) {
         const verge_lane_signal_t* held = &self->signals[i];
         const bool   timed = held->change_utime != 0;
-        const double age = (double)(utime - held->utime) / 1000.0;
+        const double age = age_ms(held->utime, utime);
         const double change = (double)(held->change_utime - utime) / 1e6;
         const bool   unknown = timed ? change < 0.0 : age > self->limits.drop_ms;
         signals[i] = (verge_signal){
@@ -319,7 +315,7 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view)
         }
         slot->planned = chosen[i];
 
-        const double age = age_ms(&slot->state, plan_utime);
+        const double age = age_ms(slot->state.utime, plan_utime);
         if (age > self->limits.drop_ms) {
             slot->used = false;
             continue;
@@ -345,7 +341,7 @@ bool inbox_latest(const inbox* self, int32_t id, int64_t utime, verge_vehicle* v
 {
     for (uint32_t i = 0; i < self->vehicles_max; ++i) {
         const inbox_slot* slot = &self->slots[i];
-        const double      age = slot->used ? age_ms(&slot->state, utime) : 0.0;
+        const double      age = slot->used ? age_ms(slot->state.utime, utime) : 0.0;
         if (slot->used && slot->state.vehicle_id == id && age <= self->limits.fresh_ms) {
             *vehicle = wire_vehicle_from_state(&slot->state);
             *state_utime = slot->state.utime;
@@ -434,7 +430,7 @@ static inbox_slot* slot_free(inbox* self, int64_t now_utime)
             return slot;
         }
         if (forgotten == NULL && !slot->planned &&
-            age_ms(&slot->state, now_utime) > self->limits.drop_ms) {
+            age_ms(slot->state.utime, now_utime) > self->limits.drop_ms) {
             forgotten = slot;
         }
     }
@@ -462,22 +458,15 @@ static inbox_verdict state_judge(inbox* self, const inbox_slot* slot,
         self->fault_field = fault;
         return INBOX_OUT_OF_RANGE;
     }
-    const double age = age_ms(state, now_utime);
-    if (age < -self->limits.future_ms) {
-        return INBOX_FUTURE;
+    inbox_verdict verdict = age_judge(self, state->utime, now_utime);
+    const bool    known = slot != NULL
+                          && age_ms(slot->state.utime, now_utime) <= self->limits.drop_ms;
+    if (verdict == INBOX_ACCEPTED && known) {
+        verdict = id_taken(self, slot, source, now_utime)
+                      ? INBOX_ID_TAKEN : successor_judge(self, &slot->state, state);
     }
-    if (age > self->limits.drop_ms) {
-        return INBOX_STALE;
-    }
-    const bool known = slot != NULL && age_ms(&slot->state, now_utime) <= self->limits.drop_ms;
-    if (known) {
-        if (id_taken(self, slot, source, now_utime)) {
-            return INBOX_ID_TAKEN;
-        }
-        const inbox_verdict verdict = successor_judge(self, &slot->state, state);
-        if (verdict != INBOX_ACCEPTED) {
-            return verdict;
-        }
+    if (verdict != INBOX_ACCEPTED) {
+        return verdict;
     }
     return (known && slot->placed) || on_map(road, state) ? INBOX_ACCEPTED : INBOX_OFF_MAP;
 }
@@ -487,7 +476,7 @@ static bool id_taken(const inbox* self, const inbox_slot* slot, inbox_source sou
                      int64_t now_utime)
 {
     const uint64_t holder = slot->owners[source.bus].sender;
-    const double   silent_ms = (double)(now_utime - slot->owners[source.bus].utime) / 1000.0;
+    const double   silent_ms = age_ms(slot->owners[source.bus].utime, now_utime);
     return source.sender != 0 && holder != 0 && holder != source.sender &&
            silent_ms <= self->limits.obstacle_ms;
 }
@@ -512,11 +501,10 @@ static inbox_verdict successor_judge(const inbox* self, const verge_vehicle_stat
     return dx * dx + dy * dy <= reach * reach ? INBOX_ACCEPTED : INBOX_ID_CONFLICT;
 }
 
-/// A lane continues itself, so one that does not is not on the road.
-static bool target_known(const verge_vehicle_state_t* state, const verge_road* road)
+/// A lane continues itself, so one that does not is not on the road. True without a lane or a road.
+static bool has_lane(const verge_road* road, int32_t lane)
 {
-    return road == NULL || state->target_lane == VERGE_NO_LANE ||
-           verge_road_continues(road, state->target_lane, state->target_lane);
+    return road == NULL || lane == VERGE_NO_LANE || verge_road_continues(road, lane, lane);
 }
 
 /// Keeps a state that was accepted. What it does not say is what the vehicle said last, if it is
@@ -539,7 +527,7 @@ static void slot_store(inbox* self, inbox_slot* slot, const verge_vehicle_state_
         self->counters.incomplete += 1;
         self->lacking_id = state->vehicle_id;
     }
-    if (!target_known(state, road)) {
+    if (!has_lane(road, state->target_lane)) {
         slot->state.target_lane = VERGE_NO_LANE;
         self->counters.unknown_target += 1;
         self->lacking_id = state->vehicle_id;
@@ -625,11 +613,19 @@ static uint32_t controlled_choose(const inbox* self, int64_t plan_utime,
 static bool wants_plan(const inbox* self, const inbox_slot* slot, int64_t plan_utime)
 {
     return slot->used && slot->state.controlled != 0 && !slot->incomplete &&
-           age_ms(&slot->state, plan_utime) <= self->limits.fresh_ms;
+           age_ms(slot->state.utime, plan_utime) <= self->limits.fresh_ms;
+}
+
+static inbox_verdict age_judge(const inbox* self, int64_t utime, int64_t now_utime)
+{
+    const double age = age_ms(utime, now_utime);
+    return age < -self->limits.future_ms ? INBOX_FUTURE
+           : age > self->limits.drop_ms  ? INBOX_STALE
+                                         : INBOX_ACCEPTED;
 }
 
 /// Both instants are positive, so the difference cannot overflow; and it is exact up to 285 years.
-static double age_ms(const verge_vehicle_state_t* state, int64_t at_utime)
+static double age_ms(int64_t utime, int64_t at_utime)
 {
-    return (double)(at_utime - state->utime) / 1000.0;
+    return (double)(at_utime - utime) / 1000.0;
 }

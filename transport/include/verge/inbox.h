@@ -77,8 +77,9 @@ typedef enum inbox_verdict {
 } inbox_verdict;
 
 /// The rx_ fields of rsu_status_t. The bus counts rx_malformed and rx_dropped. rx_over_capacity
-/// also counts, in each snapshot, the vehicles that ask for a plan beyond controlled_max. The last
-/// two are part of rx_accepted.
+/// also counts, in each snapshot, the vehicles that ask for a plan beyond controlled_max.
+/// unknown_target and incomplete are part of rx_accepted. rx_other_map counts refused signals, and
+/// states besides their result.
 typedef struct inbox_counters {
     uint64_t rx_accepted, rx_stale, rx_future, rx_duplicate, rx_out_of_order, rx_malformed;
     uint64_t rx_out_of_range, rx_off_map, rx_over_capacity, rx_id_conflict, rx_dropped;
@@ -141,7 +142,7 @@ inbox_verdict inbox_offer(inbox* self, const verge_vehicle_state_t* state, int64
 /// state itself is, and it counts as rx_other_map. 0, as at first: no state is compared.
 void inbox_set_map(inbox* self, uint32_t map_crc32);
 
-/// Offers the signal of a lane that was received. Its counters are those of states.
+/// Offers the signal of a lane that was received. A refused one counts as a refused state does.
 inbox_verdict inbox_offer_signal(inbox* self, const verge_lane_signal_t* signal, int64_t now_utime,
                                  const verge_road* road);
 
@@ -173,7 +174,7 @@ void inbox_review(inbox* self, const verge_road* road);
 /// "accepted", "stale", ...: the name of the counter without rx_.
 const char* inbox_verdict_name(inbox_verdict verdict);
 
-/// The vehicles at one instant, ordered by id. About 12 KiB.
+/// The vehicles at one instant, ordered by id. About 19 KiB.
 typedef struct inbox_view {
     uint32_t      count;
     verge_vehicle vehicles[VERGE_VEHICLES_MAX];    ///< projected to the instant

@@ -7,8 +7,6 @@
 #include <assert.h>
 #include <string.h>
 
-static void forget_states(cycle* self);
-
 void cycle_init(cycle* self, const cycle_def* def)
 {
     memset(self, 0, sizeof *self);
@@ -24,18 +22,13 @@ void cycle_swap(cycle* self, const cycle_def* def)
     const bool smaller = def->vehicles_max < self->def.vehicles_max;
     self->def = *def;
     if (smaller) { // more slots may be in use than there are now
-        forget_states(self);
+        inbox_forget(&self->inbox, def->vehicles_max, def->controlled_max);
     }
     inbox_set_limits(&self->inbox, &def->limits);
     inbox_set_map(&self->inbox, def->map_crc32);
     self->inbox.vehicles_max = def->vehicles_max;
     self->inbox.controlled_max = def->controlled_max;
     inbox_review(&self->inbox, verge_planner_road(def->planner));
-}
-
-static void forget_states(cycle* self)
-{
-    inbox_forget(&self->inbox, self->def.vehicles_max, self->def.controlled_max);
 }
 
 bool cycle_offer(cycle* self, const transport_message* message)
@@ -96,7 +89,7 @@ void cycle_begin(cycle* self, int64_t number, int64_t utime)
 static void start_afresh(cycle* self)
 {
     verge_planner_reset(self->def.planner);
-    forget_states(self);
+    inbox_forget(&self->inbox, self->def.vehicles_max, self->def.controlled_max);
 }
 
 /// Reports to the inbox which vehicles the last cycle found on a lane. This happens here and not at

@@ -74,8 +74,8 @@ void cycle_init(cycle* self, const cycle_def* def);
 /// the new road has them.
 void cycle_swap(cycle* self, const cycle_def* def);
 
-/// Receives a message of kind TRANSPORT_STATE or TRANSPORT_SIGNAL; others are ignored. True: it was accepted, and has
-/// to be recorded. False: it was refused and counted.
+/// Receives a message of kind TRANSPORT_STATE or TRANSPORT_SIGNAL; others are ignored. True: it was
+/// accepted, and has to be recorded. False: it was refused and counted.
 bool cycle_offer(cycle* self, const transport_message* message);
 
 /// Sets the number, the instant and the vehicles of the cycle. If utime steps back, all states and

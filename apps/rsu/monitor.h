@@ -26,8 +26,8 @@ typedef struct monitor {
     uint32_t     faults;        ///< active at that time, bits 1 << rsu_fault
     uint64_t     refusals;      ///< refused states already in the log
     uint64_t     lacking;       ///< incomplete states already in the log
-    uint64_t     over_capacity; ///< the same of these alone
-    uint64_t     version;       ///< the same of these alone
+    uint64_t     over_capacity; ///< refused for want of room, already in the log
+    uint64_t     version;       ///< of an unknown protocol_version, already in the log
     uint64_t     other_map;     ///< messages made with another road, already in the log
     uint64_t     record_dropped;      ///< a second ago
     uint64_t     record_dropped_logged; ///< in the log

@@ -54,6 +54,16 @@ void road_json_free(verge_road_def* def)
     *def = (verge_road_def){ 0 };
 }
 
+bool road_has_lane(const verge_road_def* def, int32_t lane_id)
+{
+    for (uint32_t i = 0; i < def->lane_count; ++i) {
+        if (def->lanes[i].id == lane_id) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static bool lane_from_json(const json_at* at, verge_lane_def* lane)
 {
     static const char* const keys[] = { "id", "centerline", "width", "speed_limit", "left", "right",

@@ -18,5 +18,6 @@
 /// (reason in at->file->error).
 bool road_from_json(const json_at* at, verge_road_def* def);
 void road_json_free(verge_road_def* def);
+bool road_has_lane(const verge_road_def* def, int32_t lane_id);
 
 #endif

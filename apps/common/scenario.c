@@ -23,7 +23,6 @@ static void row_from_json(const json_at* at, scenario_row* row);
 static bool planner_build(const json_at* root, scenario* scene);
 static bool vehicles_check(const json_at* at, const scenario* scene);
 static bool vehicle_check(const json_at* at, const scenario* scene, uint32_t index);
-static bool has_lane(const verge_road_def* road, int32_t lane_id);
 static double wrap_angle(double angle);
 
 static const double PI = 3.14159265358979323846;
@@ -230,7 +229,7 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
     const json_at target = json_member(at, "target_lane");
     if (!json_none(&target)) {
         start->target_lane = (int32_t)json_as_integer(&target, 0, INT32_MAX);
-        if (at->file->error[0] == '\0' && !has_lane(&scene->def.road, start->target_lane)) {
+        if (at->file->error[0] == '\0' && !road_has_lane(&scene->def.road, start->target_lane)) {
             json_fail(&target, "is lane %d, which the road does not have, expected a lane id",
                       start->target_lane);
         }
@@ -382,16 +381,6 @@ static bool vehicle_check(const json_at* at, const scenario* scene, uint32_t ind
         }
     }
     return true;
-}
-
-static bool has_lane(const verge_road_def* road, int32_t lane_id)
-{
-    for (uint32_t i = 0; i < road->lane_count; ++i) {
-        if (road->lanes[i].id == lane_id) {
-            return true;
-        }
-    }
-    return false;
 }
 
 /// Maps to (-pi, pi]. An angle inside is returned unchanged.

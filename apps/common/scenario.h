@@ -11,7 +11,8 @@
 ///             "human"), x, y, heading, speed, acceleration, length, width; optional target_lane
 ///             (null or absent: none), habit, body (body_json.h). A human may have a track of rows
 ///             [t, x, y, heading, speed] with growing t; one without a track may have yields
-///             (false: it keeps no rule) and parked (true: it stands). Optional: signals (signals_json.h).
+///             (false: it keeps no rule) and parked (true: it stands). Optional: signals
+///             (signals_json.h).
 /// Refused     Documents that json.h, road_json.h or planner_json.h refuse; two vehicles with one
 ///             id or overlapping at t = 0; a vehicle whose first position is on no lane; more
 ///             vehicles than the planner's capacities; an unknown target_lane.

@@ -1,6 +1,8 @@
 /// See signals_json.h.
 #include "signals_json.h"
 
+#include "road_json.h"
+
 #include <math.h>
 #include <stdlib.h>
 
@@ -10,7 +12,6 @@ static const double INSTANT = 1e-6;
 static bool program_from_json(const json_at* at, const verge_road_def* road,
                               signal_program* program);
 static void phase_from_json(const json_at* at, signal_program* program, uint32_t index);
-static bool has_lane(const verge_road_def* road, int32_t lane_id);
 static bool insert(signal_program* all, uint32_t count, const signal_program* program);
 
 bool signals_from_json(const json_at* at, const verge_road_def* road, signal_program** programs,
@@ -72,7 +73,7 @@ static bool program_from_json(const json_at* at, const verge_road_def* road,
     }
     program->lane_id = (int32_t)json_integer(at, "lane", 0, INT32_MAX);
     program->start = json_double_or(at, "start", -86400.0, 86400.0, 0.0);
-    if (at->file->error[0] == '\0' && !has_lane(road, program->lane_id)) {
+    if (at->file->error[0] == '\0' && !road_has_lane(road, program->lane_id)) {
         const json_at lane = json_member(at, "lane");
         return json_fail(&lane, "is lane %d, which the road does not have, expected a lane id",
                          program->lane_id);
@@ -98,16 +99,6 @@ static void phase_from_json(const json_at* at, signal_program* program, uint32_t
         program->states[index] = (verge_signal_state)json_choice(at, "state", states);
         program->seconds[index] = json_double(at, "seconds", 0.1, 86400.0);
     }
-}
-
-static bool has_lane(const verge_road_def* road, int32_t lane_id)
-{
-    for (uint32_t i = 0; i < road->lane_count; ++i) {
-        if (road->lanes[i].id == lane_id) {
-            return true;
-        }
-    }
-    return false;
 }
 
 /// False: the lane has a program.

@@ -35,8 +35,8 @@ static bool stop_ahead(const world* world, const world_vehicle* vehicle)
     const verge_vehicle* own = &vehicle->state;
     const double         way = STANDING_WAY + 0.5 * own->length;
     int32_t              lane = vehicle->lane;
-    double               s = verge_road_project_on(world->road, lane, own->x, own->y).s;
-    const double         d = verge_road_project_on(world->road, lane, own->x, own->y).d;
+    const verge_lane_position at = verge_road_project_on(world->road, lane, own->x, own->y);
+    double               s = at.s;
     verge_vehicle        probe = verge_vehicle_default();
     probe.length = probe.width = own->width + 0.4;
     for (double gone = 0.0; gone <= way; gone += 1.0, s += 1.0) {
@@ -52,7 +52,7 @@ static bool stop_ahead(const world* world, const world_vehicle* vehicle)
                 s -= verge_road_length(world->road, lane);
                 lane = next;
             }
-            (void)verge_road_at(world->road, lane, s, d, &probe.x, &probe.y, &probe.heading);
+            (void)verge_road_at(world->road, lane, s, at.d, &probe.x, &probe.y, &probe.heading);
         }
         if (body_at(world, vehicle, &probe)) {
             return true;

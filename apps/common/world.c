@@ -141,19 +141,13 @@ static bool goes_on(const world* self, int32_t lane, double x, double y)
 
 bool world_dead_end(const world* self, int32_t lane)
 {
-    const verge_road_def* road = &self->scene->def.road;
     double x = 0.0, y = 0.0;
     if (verge_road_next(self->road, lane, VERGE_NO_LANE) != VERGE_NO_LANE ||
         !verge_road_at(self->road, lane, verge_road_length(self->road, lane), 0.0, &x, &y, NULL)) {
         return false;
     }
-    for (uint32_t i = 0; i < road->lane_count; ++i) {
-        if (road->lanes[i].id == lane) {
-            return goes_on(self, road->lanes[i].left, x, y) ||
-                   goes_on(self, road->lanes[i].right, x, y);
-        }
-    }
-    return false;
+    return goes_on(self, verge_road_left(self->road, lane), x, y) ||
+           goes_on(self, verge_road_right(self->road, lane), x, y);
 }
 
 const verge_action_step* world_action(const world* self, const world_vehicle* vehicle)
@@ -277,8 +271,8 @@ static void lane_keep(const world* self, world_vehicle* vehicle, double accelera
     verge_road_at(self->road, lane, s, at.d, &state->x, &state->y, &state->heading);
 }
 
-/// Does the body overlap the lane beside its own? A vehicle that changes lane at the end of its lane
-/// swings out over the end.
+/// Does the body overlap the lane beside its own? A vehicle that changes lane at the end of its
+/// lane swings out over the end.
 static bool beside_lane(const world* self, const verge_vehicle* state, int32_t lane)
 {
     const int32_t sides[] = { verge_road_left(self->road, lane),

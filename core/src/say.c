@@ -101,7 +101,7 @@ size_t verge_action_say(const verge_action_step* step, char* text, size_t size)
 
 /// A sentence with a vehicle, with a lane, or with the lane beside in front of it.
 typedef struct cause_words {
-    const char *before, *after; // the id
+    const char *before, *after; // the id; null: the sentence is verge_why_text()
     bool of_lane;               // the id is that of the lane; else the vehicle's
     bool of_change;             // begins with the lane beside
 } cause_words;
@@ -120,6 +120,8 @@ static const cause_words cause_sentences[VERGE_WHY_COUNT] = {
     [VERGE_WHY_HUMAN] = { "waits for what vehicle ", " will do", false, false },
     [VERGE_WHY_ROOM_AHEAD] = { "no room behind vehicle ", "", false, true },
     [VERGE_WHY_ROOM_BEHIND] = { "no room ahead of vehicle ", "", false, true },
+    [VERGE_WHY_BORDER] = { NULL, NULL, false, true },
+    [VERGE_WHY_FREEZE] = { NULL, NULL, false, true },
     [VERGE_WHY_GAP] = { "opens a gap behind vehicle ", "", false, true },
     [VERGE_WHY_UNREACHABLE] = { "cannot reach lane ", " from here", true, false },
     [VERGE_WHY_BLOCKED] = { "was blocked by vehicle ", "", false, false },
@@ -146,7 +148,7 @@ size_t verge_cause_say(const verge_cause* cause, char* text, size_t size)
     if (code != VERGE_WHY_NONE && (unsigned)code < VERGE_WHY_COUNT) {
         const cause_words* words = &cause_sentences[code];
         const int32_t id = words->of_lane ? cause->lane_id : cause->vehicle_id;
-        if (words->of_change || code == VERGE_WHY_BORDER || code == VERGE_WHY_FREEZE) {
+        if (words->of_change) {
             append_lane_beside(&to, cause);
         }
         if (words->before != NULL && id >= 0) {

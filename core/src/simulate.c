@@ -85,12 +85,12 @@ static void move(verge_humans* self, const vg_flow* next, uint32_t slot, double 
     const double way = (back ? -0.5 : 0.5) * (v->speed + speed) * dt;
     const vg_reference at = vg_road_at(scene->road, (uint32_t)lane, -1, on->s + way);
     const double line = vg_atan2(at.sin_heading, at.cos_heading);
-    const double turn = vg_wrap_angle((back ? line + VG_PI : line) - v->heading);
+    const double course = back ? line + VG_PI : line;
+    const double turn = vg_wrap_angle(course - v->heading);
     const bool stands = v->speed == 0.0 && speed == 0.0;
     const double most = stands ? 0.0 : yaw_rate_max * dt;
-    const double heading = vg_abs(turn) <= most ? vg_wrap_angle(back ? line + VG_PI : line)
-                                                : vg_wrap_angle(v->heading
-                                                                + vg_clamp(turn, -most, most));
+    const double heading = vg_wrap_angle(
+        vg_abs(turn) <= most ? course : v->heading + vg_clamp(turn, -most, most));
     v->x = at.x - on->d * at.sin_heading;
     v->y = at.y + on->d * at.cos_heading;
     v->yaw_rate = vg_wrap_angle(heading - v->heading) / dt;

@@ -2,10 +2,11 @@
 /// planning cycle. `status` is "planned" or "fallback"; a fallback also has `fallback`
 /// ("keep_lane" or "brake") and `reason`, a sentence. Of each vehicle also:
 ///
-///     "why": null or {"code": "merge", "text": .., "vehicle": 3, "area": 7}   what it waits for, or
-///            why it makes no lane change: code verge_why_name(), id of the vehicle, id of the lane
-///     "passes": [{"area": [7, 9], "after": 3}]   conflict areas ahead: its lane there and that of the
-///            vehicle that goes through it directly before
+///     "why": null or {"code": "merge", "text": .., "vehicle": 3, "area": 7}   what it waits for,
+///            or why it makes no lane change: code verge_why_name(), id of the vehicle, id of the
+///            lane
+///     "passes": [{"area": [7, 9], "after": 3}]   conflict areas ahead: its lane there and that of
+///            the vehicle that goes through it directly before
 ///     "changed": what is new: "first", "status", "action", "why", "order"
 ///
 /// `say` of the first action ends with the reason in words.

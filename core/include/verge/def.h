@@ -38,24 +38,25 @@ typedef struct verge_planner_def {
     // Decision (section 3.1; constants of section 4)
     double   step_s;            ///< [s]     length of a decision step
     uint32_t steps;             ///< [1]     decision steps; horizon = steps * step_s
-    double   reaction_s;        ///< [s]     tau, Eq. 2
-    double   headway_s;         ///< [s]     MTH, Eq. 2
+    double   reaction_s;        ///< [s]     tau, Eq. 2 of VERGE_SEARCH_PAPER; of the alert zone in
+                                ///<         both searches
+    double   headway_s;         ///< [s]     MTH, the same
     double   change_gap;        ///< [m]     smallest gap, ahead and behind, that a lane change may
                                 ///<         leave; smaller at speeds below
                                 ///<         (change_gap - idm_gap) / idm_headway_s
     double   change_gap_wanted; ///< [m]     gap below which a lane change costs reward_room
     double   exploration;       ///< [1]     C_p, Eq. 1
-    double   acceleration;      ///< [m/s^2] a_acc, Table 1
-    double   deceleration;      ///< [m/s^2] a_dec, Table 1
+    double   acceleration;      ///< [m/s^2] a_acc, Table 1: of VERGE_SEARCH_PAPER
+    double   deceleration;      ///< [m/s^2] a_dec, Table 1: of VERGE_SEARCH_PAPER
     double   reward_target;     ///< [1]     weight: ends in the target lane
     double   reward_lane;       ///< [1]     weight: share of steps near the target centreline
     double   reward_consistency;///< [1]     weight: share of steps that repeat the action before
     double   reward_room;       ///< [1]     cost of a lane change that leaves no gap, in units of
                                 ///<         one step's share of R_i (1 / steps); it falls to 0 at
                                 ///<         change_gap_wanted
-    double   cruise_share;      ///< [1]     share of the speed limit below which a step earns in
+    double   cruise_share;      ///< [1]     of VERGE_SEARCH_PAPER: share of the speed limit below which a step earns in
                                 ///<         proportion to speed
-    double   target_distance;   ///< [m]     distance in the target lane after which a vehicle has
+    double   target_distance;   ///< [m]     of VERGE_SEARCH_PAPER: distance in the target lane after which a vehicle has
                                 ///<         reached its target; a simulation of the search ends
                                 ///<         when all vehicles have
     double   switch_margin;     ///< [1]     gain in reward that is needed to replace the lane

@@ -148,7 +148,7 @@ static void write_code(const vg_search* self, vg_joint_actions* sequence, uint32
 
 // Variation number k of the sweeps over all codes: of one vehicle at a time. In every second sweep
 // the others follow their policies too, so that they can react.
-static uint32_t vary(const vg_search* self, uint32_t k, vg_joint_actions* sequence)
+static void vary(const vg_search* self, uint32_t k, vg_joint_actions* sequence)
 {
     const uint32_t count = self->model->controlled_count;
     const uint32_t sweep = k / (CODE_COUNT * count);
@@ -159,7 +159,6 @@ static uint32_t vary(const vg_search* self, uint32_t k, vg_joint_actions* sequen
         }
     }
     write_code(self, sequence, slot, &codes[k % CODE_COUNT]);
-    return 0;
 }
 
 // Where a variation ends, the vehicle may follow its policy instead of its actions of before.
@@ -202,17 +201,20 @@ void vg_search_polish(vg_search* self, uint32_t budget)
             memset(sequence.actions[t], VG_POLICY, sizeof sequence.actions[t]);
         }
         sequence.step_count = steps;
-        const vg_joint_actions before = sequence;
+        uint32_t from = 0;
         if (k == 0) {
             memset(sequence.actions, VG_POLICY, sizeof sequence.actions);
-        }
-        uint32_t from = k == 0 ? 0u : k < sweeps ? vary(self, k, &sequence)
-                                                 : vary_randomly(self, &sequence);
-        if (k >= sweeps && k % 4u == 3u) {
-            from = smaller(from, vary_randomly(self, &sequence));
-        }
-        if (k >= sweeps && k % 2u == 0u) {
-            end_in_policy(self, &before, &sequence);
+        } else if (k < sweeps) {
+            vary(self, k, &sequence);
+        } else {
+            const vg_joint_actions before = sequence;
+            from = vary_randomly(self, &sequence);
+            if (k % 4u == 3u) {
+                from = smaller(from, vary_randomly(self, &sequence));
+            }
+            if (k % 2u == 0u) {
+                end_in_policy(self, &before, &sequence);
+            }
         }
         (void)vg_search_try(self, smaller(from, self->best.step_count), &sequence);
     }

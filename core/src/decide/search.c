@@ -39,7 +39,7 @@ void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg
     vg_joint_actions kept = { .step_count = 0 };
     if (best && warm != NULL) {
         (void)vg_search_try(&self, 0, warm);
-        warm_reward = self.best_reward; // VG_NO_PLAN if the simulation ended in a conflict
+        warm_reward = self.best_reward;
         kept = self.best;
     }
     const uint32_t left =

@@ -200,13 +200,13 @@ static int32_t uct_child(const vg_search* self, const vg_metanode* node)
     const double scale = 2.0 * self->model->def->exploration
                          * vg_sqrt(2.0 * log_of(tree, node->visits > 0 ? node->visits : 1));
     int32_t best = VG_NO_NODE;
-    double best_value = 0.0; // of the best; rewards of plans with conflicts lie below -1
+    double best_value = -1.0;
     for (int32_t c = node->first_child; c != VG_NO_NODE; c = tree->nodes[c].next_sibling) {
         const vg_metanode* child = &tree->nodes[c];
         const uint32_t n = child->visits;
         const double root = n < VG_TABLE_SIZE ? tree->inverse_root[n] : 1.0 / vg_sqrt((double)n);
         const double value = child->mean + scale * root;
-        if (best == VG_NO_NODE || value > best_value) {
+        if (value > best_value) {
             best = c;
             best_value = value;
         }

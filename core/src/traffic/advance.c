@@ -46,18 +46,16 @@ void vg_flow_follow(const vg_model* model, const vg_flow* flow, double dt, vg_fl
     }
 }
 
-// Moves a vehicle beyond the end of its lane to a successor. Lanes may be shorter than a step, so
-// several may be passed.
-static void pass_lane_ends(const vg_model* model, vg_flow* next, uint32_t slot)
+void vg_flow_pass_ends(const vg_model* model, uint32_t slot, float rate, int32_t* lane,
+                       float* station)
 {
     const verge_road* road = model->road;
-    const vg_lane* lane = &road->lanes[next->lane[slot]];
     const int32_t target = slot < model->controlled_count ? model->target[slot] : -1;
-    float beyond = (next->station[slot] - (float)lane->station_end) * next->rate[slot]; // [m]
-    vg_walk walk = vg_walk_from(road, (uint32_t)next->lane[slot], target);
+    float beyond = (*station - (float)road->lanes[*lane].station_end) * rate; // [m]
+    vg_walk walk = vg_walk_from(road, (uint32_t)*lane, target);
     while (beyond > 0.0f && vg_walk_on(&walk)) {
-        next->lane[slot] = (int32_t)walk.lane;
-        next->station[slot] = (float)vg_lane_station(&road->lanes[walk.lane], (double)beyond);
+        *lane = (int32_t)walk.lane;
+        *station = (float)vg_lane_station(&road->lanes[walk.lane], (double)beyond);
         beyond -= (float)road->lanes[walk.lane].length;
     }
 }
@@ -103,7 +101,7 @@ static void assign_lane(const vg_model* model, const vg_flow* flow, vg_flow* nex
         }
     }
     if (!model->single_axis && station > (float)lane->station_end) {
-        pass_lane_ends(model, next, slot);
+        vg_flow_pass_ends(model, slot, next->rate[slot], &next->lane[slot], &next->station[slot]);
         place = vg_bin_at(&road->lanes[next->lane[slot]], next->station[slot]);
     }
     if (!model->single_axis && next->v[slot] < 0.0f && station < (float)lane->station_start) {

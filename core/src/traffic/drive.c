@@ -3,6 +3,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "traffic/advance.h"
 #include "traffic/goal.h"
 #include "traffic/humans.h"
 #include "traffic/order.h"
@@ -13,6 +14,8 @@
 static const float comfort_braking = 2.0f, chosen_braking = 1.0f;
 // A vehicle nearer than this to the one ahead follows it: KS keeps its gap. [s], [m/s^2]
 static const float following_s = 5.0f, keeping_acceleration = 0.4f;
+// Above the limit where it is, a vehicle that leaves a slow place drives by at most this more. [m/s^2]
+static const float limit_rise = 1.0f;
 // Braking before the end of a lane: a vehicle that merges needs the lane to gain speed. [m/s^2]
 static const float end_braking = 4.0f;
 // Gap at standstill. [m]
@@ -139,16 +142,9 @@ static float following_speed(const vg_model* model, const vg_flow* flow, const v
 // Speed limit at a station that may lie on a lane that continues this one. [m/s]
 static float limit_at(const vg_model* model, const vg_flow* flow, uint32_t slot, float station)
 {
-    const verge_road* road = model->road;
-    const vg_lane* lane = &road->lanes[flow->lane[slot]];
-    float beyond = (station - (float)lane->station_end) * flow->rate[slot];
-    vg_walk walk = vg_walk_from(road, (uint32_t)flow->lane[slot], model->target[slot]);
-    while (beyond > 0.0f && vg_walk_on(&walk)) {
-        lane = &road->lanes[walk.lane];
-        station = (float)vg_lane_station(lane, (double)beyond);
-        beyond -= (float)lane->length;
-    }
-    const vg_bin_place place = vg_bin_at(lane, station);
+    int32_t lane = flow->lane[slot];
+    vg_flow_pass_ends(model, slot, flow->rate[slot], &lane, &station);
+    const vg_bin_place place = vg_bin_at(&model->road->lanes[lane], station);
     return vg_minf(vg_minf(place.here[0].speed, place.here[1].speed), model->speed_max[slot]);
 }
 
@@ -202,7 +198,8 @@ static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* 
     *keep = vg_nearest(model, flow, slot, station, moves->y[VG_KEEP_LANE][slot], moves->station[0],
                        moves->v[0], VG_FAR_AWAY);
     const float limit = vg_minf(limit_at(model, flow, slot, station),
-                                vg_minf(flow->limit[slot], model->speed_max[slot]) + dt);
+                                vg_minf(flow->limit[slot], model->speed_max[slot])
+                                    + limit_rise * dt);
     moves->wall[slot] = stopping_speed(model, flow, slot, vg_order_wall(model, flow, slot),
                                        comfort_braking);
     const float free =
@@ -440,7 +437,8 @@ static passing pass_leader(const vg_model* model, const vg_flow* flow, const vg_
     return (passing){ -1.0f, false };
 }
 
-// Where in the lane changed to a change ends: aside where a body reaches into that lane. [m] to the left
+// Where in the lane changed to a change ends: aside where a body reaches into that lane. [m] to the
+// left
 static float goal_after(const vg_model* model, const vg_flow* flow, uint32_t slot, bool left,
                         bool finishes)
 {
@@ -497,12 +495,13 @@ void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves*
 
 // ---------------------------------------------------------------------------- the policy
 
-float vg_drive_delay(const vg_model* model, const vg_flow* flow, uint32_t slot, float gap,
-                     float v_ahead, int32_t ahead)
+float vg_drive_delay(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                     const vg_neighbours* w)
 {
-    if (ahead < 0) {
+    if (w->ahead < 0) {
         return 0.0f;
     }
+    const float gap = w->gap_ahead - model->half_length[slot], v_ahead = w->v_ahead;
     const float wanted = vg_drive_desired(model, flow, slot);
     const float reach = look_ahead_s * wanted;
     if (gap >= reach || v_ahead >= wanted) {
@@ -513,8 +512,8 @@ float vg_drive_delay(const vg_model* model, const vg_flow* flow, uint32_t slot, 
     const float way = reach * (1.0f - far * far);
     const float delay = vg_minf(way / vg_maxf(v_ahead, 0.5f) - way / wanted, delay_max);
     // A queue moves on soon.
-    const bool planned = ahead < (int32_t)model->controlled_count;
-    return v_ahead < 1.0f && (planned || model->standing[ahead] == VG_TEMPORARILY_STOPPED)
+    const bool planned = w->ahead < (int32_t)model->controlled_count;
+    return v_ahead < 1.0f && (planned || model->standing[w->ahead] == VG_TEMPORARILY_STOPPED)
                ? vg_minf(delay, queue_delay) : delay;
 }
 
@@ -528,8 +527,7 @@ static float beside_time(const vg_model* model, const vg_flow* flow, const vg_mo
     const vg_neighbours w = vg_nearest(model, flow, slot, moves->station[0][slot], y,
                                        moves->station[0], moves->v[0], VG_FAR_AWAY);
     return time_to_go(model, slot, beside, flow->station[slot])
-           + vg_drive_delay(model, flow, slot, w.gap_ahead - model->half_length[slot], w.v_ahead,
-                            w.ahead);
+           + vg_drive_delay(model, flow, slot, &w);
 }
 
 uint8_t vg_drive_policy(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot)
@@ -539,12 +537,8 @@ uint8_t vg_drive_policy(const vg_model* model, const vg_flow* flow, vg_moves* mo
                           : keeping & 1u << VERGE_KEEP_SPEED ? VERGE_KEEP_SPEED
                                                              : VERGE_DECELERATE;
     const uint8_t changes = moves->unchecked[slot] | moves->legal[slot];
-    const vg_neighbours* keep = &moves->keep[slot];
-    const float own = time_to_go(model, slot, flow->lane[slot], flow->station[slot]);
-    const float here =
-        own + vg_drive_delay(model, flow, slot, keep->gap_ahead - model->half_length[slot],
-                             keep->v_ahead, keep->ahead);
-    float best = here;
+    float best = time_to_go(model, slot, flow->lane[slot], flow->station[slot])
+                 + vg_drive_delay(model, flow, slot, &moves->keep[slot]);
     uint8_t choice = along;
     for (uint32_t side = 0; side < 2; ++side) {
         const bool left = side == 0;

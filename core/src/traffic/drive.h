@@ -28,9 +28,9 @@ void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves*
 /// counting slower vehicles ahead, else as fast as is legal. Always a legal action.
 uint8_t vg_drive_policy(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot);
 
-/// Time lost behind a slower vehicle at this free gap, over the next 20 s. [s]
-float vg_drive_delay(const vg_model* model, const vg_flow* flow, uint32_t slot, float gap,
-                     float v_ahead, int32_t ahead);
+/// Time lost behind the vehicle ahead, if it is slower, over the next 20 s. [s]
+float vg_drive_delay(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                     const vg_neighbours* w);
 
 /// Desired speed of a controlled vehicle at its place. [m/s]
 static inline float vg_drive_desired(const vg_model* model, const vg_flow* flow, uint32_t slot)

@@ -32,6 +32,13 @@ static float fastest_of(const vg_model* model, uint32_t slot, float v)
     return !model->best ? VG_FAR_AWAY : stays ? v : vg_maxf(v, model->cruise[slot]);
 }
 
+// Distance driven in dt from v to v1. A vehicle that comes to a stop within dt drives its stopping
+// distance. [m]
+VG_INLINE float distance_of(float v, float v1, float a, float dt)
+{
+    return v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
+}
+
 // Motion against the lane, at constant speed or slower: ahead of such a vehicle is who is behind it
 // on the lane's axis.
 static void move_backwards(const vg_model* model, const vg_flow* flow, const idm* p,
@@ -43,8 +50,7 @@ static void move_backwards(const vg_model* model, const vg_flow* flow, const idm
     const float v_lead = w->gap_behind < 0.5f * VG_FAR_AWAY ? -w->v_behind : v;
     const float a = vg_minf(acceleration_of(p, model->braking[i], v, 1.0f / v, gap, v_lead), 0.0f);
     const float v1 = v + a * dt;
-    const float distance = v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
-    station_to[i] = flow->station[i] - distance / flow->rate[i];
+    station_to[i] = flow->station[i] - distance_of(v, v1, a, dt) / flow->rate[i];
     v_to[i] = v1 > 0.0f ? -v1 : 0.0f;
 }
 
@@ -84,9 +90,7 @@ void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, f
         const float v_lead = w.gap_ahead < 0.5f * VG_FAR_AWAY ? w.v_ahead : v;
         const float a = acceleration_of(&p, model->braking[i], v, per_desired, gap, v_lead);
         const float v1 = vg_minf(v + a * dt, fastest_of(model, i, v));
-        // A vehicle that comes to a stop within dt drives its stopping distance.
-        const float distance = v1 < 0.0f ? v * v / (-2.0f * a) : (v + v1) * (0.5f * dt);
-        station_to[i] = flow->station[i] + distance / flow->rate[i];
+        station_to[i] = flow->station[i] + distance_of(v, v1, a, dt) / flow->rate[i];
         v_to[i] = vg_maxf(v1, 0.0f);
         y_to[i] = flow->y[i];
     }

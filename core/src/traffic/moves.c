@@ -4,7 +4,6 @@
 #include "base/contract.h"
 #include "traffic/drive.h"
 #include "traffic/humans.h"
-#include "traffic/order.h"
 #include "traffic/pairs.h"
 
 // Half a lane change takes this long (paper, section 4). [s]
@@ -250,9 +249,7 @@ static void keep_lane_moves(const vg_model* model, const vg_flow* flow, vg_moves
     const float half = model->half_length[slot];
     const vg_neighbours keep =
         vg_nearest(model, flow, slot, station, moves->y[0][slot], moves->station[0], moves->v[0],
-                   vg_minf(dead_end_ahead(model, flow, slot, station),
-                           vg_order_wall(model, flow, slot)
-                               - (station - flow->station[slot]) * rate));
+                   dead_end_ahead(model, flow, slot, station));
     const margins ks = margins_of(model, &keep, half, moves->v[0][slot], 0.0f);
     const margins ac = margins_of(model, &keep, half, moves->v[1][slot],
                                   (moves->station[1][slot] - station) * rate);

@@ -116,16 +116,6 @@ static float scope_of(const vg_flow* flow, uint32_t slot)
     return vg_maxf(scope_distance, scope_time * flow->v[slot]);
 }
 
-static float on_leg(const vg_route_leg* leg, float station)
-{
-    return leg->begin + station * leg->scale;
-}
-
-static float leg_start(const vg_route_leg* leg, const verge_road* road)
-{
-    return on_leg(leg, (float)road->lanes[leg->lane].station_start);
-}
-
 static void add_leg(vg_course* course, const vg_lane* lane, int32_t index, float begin)
 {
     const float stations = (float)(lane->station_end - lane->station_start);
@@ -135,13 +125,14 @@ static void add_leg(vg_course* course, const vg_lane* lane, int32_t index, float
     };
 }
 
-static bool passes_lane(const vg_course* course, uint32_t lane)
+static const vg_route_leg* leg_of(const vg_course* course, int32_t lane)
 {
-    bool found = false;
     for (uint32_t k = 0; k < course->leg_count; ++k) {
-        found = found || course->legs[k].lane == (int32_t)lane;
+        if (course->legs[k].lane == lane) {
+            return &course->legs[k];
+        }
     }
-    return found;
+    return NULL;
 }
 
 // The lanes ahead of a slot. A ring is followed once.
@@ -153,10 +144,10 @@ static void find_route(vg_course* course, const vg_model* model, const vg_flow* 
     const int32_t target = slot < model->controlled_count ? model->target[slot] : -1;
     const float reach = scope_of(flow, slot) + route_beyond;
     add_leg(course, &road->lanes[lane], (int32_t)lane, 0.0f);
-    course->legs[0].begin -= on_leg(&course->legs[0], flow->station[slot]);
-    float end = on_leg(&course->legs[0], (float)road->lanes[lane].station_end);
+    course->legs[0].begin -= vg_on_leg(&course->legs[0], flow->station[slot]);
+    float end = vg_on_leg(&course->legs[0], (float)road->lanes[lane].station_end);
     for (vg_walk walk = vg_walk_from(road, lane, target); end < reach && vg_walk_on(&walk);) {
-        if (passes_lane(course, walk.lane)) {
+        if (leg_of(course, (int32_t)walk.lane) != NULL) {
             break;
         }
         add_leg(course, &road->lanes[walk.lane], (int32_t)walk.lane, end);
@@ -180,12 +171,12 @@ static void find_ring(vg_course* course, const vg_model* model)
         if (!on_one_ring(model, lane, lane) || on_one_ring(model, before, before)) {
             continue;
         }
-        course->ring_enter = leg_start(&course->legs[k], road);
+        course->ring_enter = vg_leg_start(&course->legs[k], road);
         course->ring_lane = (int32_t)lane;
         for (uint32_t m = road->merges_from[before]; m < road->merges_from[before + 1u]; ++m) {
             if (on_one_ring(model, lane, road->merges[m].other)) {
                 course->ring_enter = vg_minf(course->ring_enter,
-                                             on_leg(&course->legs[k - 1u], road->merges[m].touch));
+                                             vg_on_leg(&course->legs[k - 1u], road->merges[m].touch));
             }
         }
         break;
@@ -225,7 +216,7 @@ static void find_boxes(vg_course* course, const verge_road* road, float half)
             more = next != NULL;
             if (more) {
                 done = next->from;
-                const float enter = on_leg(leg, next->from), leave = on_leg(leg, next->to);
+                const float enter = vg_on_leg(leg, next->from), leave = vg_on_leg(leg, next->to);
                 if (leave > -half) {
                     add_box(course, (vg_box){ enter, leave, leg->lane }, room);
                 }
@@ -249,7 +240,7 @@ static void find_red(vg_course* course, const vg_model* model, const vg_flow* fl
             || signal->state == VERGE_SIGNAL_OFF) {
             continue;
         }
-        const float line = on_leg(leg, (float)vg_lane_station(lane, lane->stop_line));
+        const float line = vg_on_leg(leg, (float)vg_lane_station(lane, lane->stop_line));
         const float gap = line - model->half_length[slot];
         const float braking = signal->state == VERGE_SIGNAL_RED ? braking_last : braking_box;
         const float room = gap >= 0.0f ? gap : gap + over_line;
@@ -283,16 +274,6 @@ static void find_courses(vg_order* self, const vg_model* model, const vg_flow* f
     }
 }
 
-static const vg_route_leg* leg_of(const vg_course* course, int32_t lane)
-{
-    for (uint32_t k = 0; k < course->leg_count; ++k) {
-        if (course->legs[k].lane == lane) {
-            return &course->legs[k];
-        }
-    }
-    return NULL;
-}
-
 // Position on a route of a place on one of its lanes, or on a lane beside one.
 static float position_on(const vg_course* course, const verge_road* road, int32_t lane,
                          float station)
@@ -303,7 +284,7 @@ static float position_on(const vg_course* course, const verge_road* road, int32_
             leg = &course->legs[k];
         }
     }
-    return leg != NULL ? on_leg(leg, station) : -VG_FAR_AWAY;
+    return leg != NULL ? vg_on_leg(leg, station) : -VG_FAR_AWAY;
 }
 
 float vg_order_position(const vg_model* model, const vg_flow* flow, uint32_t slot)
@@ -379,9 +360,9 @@ static void find_crossings(vg_order* self, const vg_model* model, const vg_flow*
             const uint32_t j = i + 1u + (uint32_t)__builtin_ctzll(set);
             const vg_route_leg* other = leg_of(&self->courses[j], area->other);
             const vg_share found = {
-                .enter = on_leg(leg, area->from), .leave = on_leg(leg, area->to),
-                .other_enter = on_leg(other, area->other_from),
-                .other_leave = on_leg(other, area->other_to),
+                .enter = vg_on_leg(leg, area->from), .leave = vg_on_leg(leg, area->to),
+                .other_enter = vg_on_leg(other, area->other_from),
+                .other_leave = vg_on_leg(other, area->other_to),
                 .lane = (uint16_t)lane, .other_lane = area->other,
                 .other = (uint8_t)j, .kind = kind_of(self, area, i, j, leg, other),
             };
@@ -416,10 +397,10 @@ static void find_merge(vg_order* self, const vg_model* model, const vg_flow* flo
         }
         const uint32_t a = (uint32_t)own->legs[p - 1u].lane, b = (uint32_t)there[-1].lane;
         const vg_share found = {
-            .enter = on_leg(&own->legs[p - 1u], touch_of(model->road, a, b)),
-            .leave = leg_start(&own->legs[p], model->road),
-            .other_enter = on_leg(&there[-1], touch_of(model->road, b, a)),
-            .other_leave = leg_start(there, model->road),
+            .enter = vg_on_leg(&own->legs[p - 1u], touch_of(model->road, a, b)),
+            .leave = vg_leg_start(&own->legs[p], model->road),
+            .other_enter = vg_on_leg(&there[-1], touch_of(model->road, b, a)),
+            .other_leave = vg_leg_start(there, model->road),
             .lane = (uint16_t)a, .other_lane = (uint16_t)b,
             .other = (uint8_t)j, .kind = VG_SHARE_MERGE,
         };
@@ -548,7 +529,7 @@ static float room_behind(const vg_order* order, const vg_model* model, const vg_
     *last = -1;
     for (uint32_t k = 0; k < model->count; ++k) {
         const vg_route_leg* leg = k != slot ? leg_of(course, flow->lane[k]) : NULL;
-        const float at = leg != NULL ? on_leg(leg, flow->station[k]) : -VG_FAR_AWAY;
+        const float at = leg != NULL ? vg_on_leg(leg, flow->station[k]) : -VG_FAR_AWAY;
         const float half = model->half_length[k];
         ahead[k] = at;
         if (at > r && at + half > box->enter && flow->v[k] < slow && at - half < end) {
@@ -643,7 +624,7 @@ vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t s
     if (leg == NULL || (model->lawless >> slot & 1u) != 0) {
         return wall;
     }
-    const float r = on_leg(leg, flow->station[slot]);
+    const float r = vg_on_leg(leg, flow->station[slot]);
     if (course->red < VG_FAR_AWAY && r + model->half_length[slot] <= course->red + over_line) {
         take_wall(&wall, course->red, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
     }
@@ -672,7 +653,7 @@ bool vg_order_conflict(const vg_model* model, const vg_flow* flow, const float* 
     for (uint32_t k = 0; leg != NULL && k < course->bind_count; ++k) {
         const vg_share* area = &shares[k];
         const uint32_t j = area->other;
-        const float from = on_leg(leg, flow->station[i]), to = on_leg(leg, station1[i]);
+        const float from = vg_on_leg(leg, flow->station[i]), to = vg_on_leg(leg, station1[i]);
         if (area->kind != VG_SHARE_CROSS || from + half > area->enter || to + half <= area->enter) {
             continue;
         }
@@ -716,7 +697,6 @@ verge_cause vg_order_reason(const vg_model* model, const vg_flow* flow, const ve
     }
     return cause;
 }
-
 
 uint32_t vg_order_passes(const vg_model* model, const verge_scene* scene, uint32_t slot,
                          verge_pass passes[VERGE_PASSES_MAX])

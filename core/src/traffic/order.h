@@ -170,6 +170,16 @@ bool vg_order_has_room(const vg_order* order, const vg_model* model, const vg_fl
 
 // ---------------------------------------------------------------------------- order.c, for the others
 
+/// Position on a route [m] of a station of one of its lanes, and of the start of that lane.
+static inline float vg_on_leg(const vg_route_leg* leg, float station)
+{
+    return leg->begin + station * leg->scale;
+}
+static inline float vg_leg_start(const vg_route_leg* leg, const verge_road* road)
+{
+    return vg_on_leg(leg, (float)road->lanes[leg->lane].station_start);
+}
+
 /// Adds an area to those of a slot. Where there are more than there is room for, the nearest ones
 /// are kept.
 void vg_order_share(vg_order* order, uint32_t slot, const vg_share* share);

@@ -91,7 +91,7 @@ static void find_leaders(ranking* self)
         for (uint32_t j = 0; j < self->model->count; ++j) {
             for (uint32_t k = 0; j != i && k < course->leg_count; ++k) {
                 const vg_route_leg* leg = &course->legs[k];
-                const float at = leg->begin + flow->station[j] * leg->scale;
+                const float at = vg_on_leg(leg, flow->station[j]);
                 if (leg->lane == flow->lane[j] && (at > 0.0f || (at == 0.0f && j < i))
                     && at < self->ahead[i]) {
                     self->ahead[i] = at;
@@ -195,12 +195,6 @@ verge_turn* vg_turn_of(verge_turns* turns, int32_t id)
     return NULL;
 }
 
-static float legs_begin(const vg_course* course, const verge_road* road, uint32_t k)
-{
-    const vg_route_leg* leg = &course->legs[k];
-    return leg->begin + (float)road->lanes[leg->lane].station_start * leg->scale;
-}
-
 // The priority that a vehicle has in an area: that of the last lane before it that has one.
 static verge_priority priority_at(const vg_order* order, const vg_model* model, uint32_t slot,
                                   float enter)
@@ -212,7 +206,7 @@ static verge_priority priority_at(const vg_order* order, const vg_model* model, 
     if (before >= 0) {
         found = road->lanes[before].priority;
     }
-    for (uint32_t k = 0; k < course->leg_count && legs_begin(course, road, k) <= enter; ++k) {
+    for (uint32_t k = 0; k < course->leg_count && vg_leg_start(&course->legs[k], road) <= enter; ++k) {
         const verge_priority here = road->lanes[course->legs[k].lane].priority;
         found = here != VERGE_PRIORITY_NONE ? here : found;
     }

@@ -141,7 +141,7 @@ float vg_flow_loss(const vg_model* model, const vg_flow* flow, uint32_t slot, fl
     const float between = vg_minf(vg_fabsf(flow->d[slot]) / half_lane, 1.0f);
     return t + vg_value_at(model->value, slot, lane, flow->station[slot])
            + speed_loss(model, flow, slot, wanted) + between_cost * between
-           + vg_drive_delay(model, flow, slot, gap, w.v_ahead, w.ahead)
+           + vg_drive_delay(model, flow, slot, &w)
            + model->gap_weight[slot] * follower_loss(&w, half, flow->v[slot]);
 }
 

@@ -235,15 +235,13 @@ static side side_of(const builder* self, uint32_t lane, bool left)
 }
 
 // The shortest time by a change to one side from a node.
-static float by_change(const builder* self, const vg_lane* lane, side* to, float station,
+static float by_change(const builder* self, const vg_bin* nearest, side* to, float station,
                        float speed)
 {
     if (to->beside == NULL) {
         return unknown;
     }
     const vg_value_table* table = self->table;
-    const vg_bin_place place = vg_bin_at(lane, station);
-    const vg_bin* nearest = place.t < 0.5f ? place.here : place.here + 1;
     const float gap = to->left ? nearest->left_gap : nearest->right_gap;
     if (!(gap > 0.0f)) {
         to->allowed = 0.0f;
@@ -283,12 +281,13 @@ static bool sweep(builder* self, uint32_t index)
     for (uint32_t k = of->node_count; k > 0; --k) {
         const float station = of->station_end - (float)(of->node_count - k) * table->spacing;
         const vg_bin_place place = vg_bin_at(lane, station);
+        const vg_bin* nearest = place.t < 0.5f ? place.here : place.here + 1;
         const float speed = vg_maxf(vg_minf(place.here[0].speed, self->speed_max), speed_min);
         if (k < of->node_count) {
             after += table->spacing * vg_bin_rate(place) / speed;
         }
-        after = vg_minf(after, by_change(self, lane, &left, station, speed));
-        after = vg_minf(after, by_change(self, lane, &right, station, speed));
+        after = vg_minf(after, by_change(self, nearest, &left, station, speed));
+        after = vg_minf(after, by_change(self, nearest, &right, station, speed));
         float* time = &table->time[of->first + k - 1u];
         changed = changed || after < *time;
         *time = vg_minf(after, *time);

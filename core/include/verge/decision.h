@@ -227,7 +227,8 @@ static inline verge_status verge_decide(verge_decider* decider, const verge_scen
 static inline const verge_vehicle_decision* verge_decision_of(const verge_decision* decision,
                                                               int32_t vehicle_id)
 {
-    const uint32_t count = decision != NULL && decision->vehicles != NULL ? decision->vehicle_count : 0;
+    const bool any = decision != NULL && decision->vehicles != NULL;
+    const uint32_t count = any ? decision->vehicle_count : 0;
     for (uint32_t i = 0; i < count; ++i) {
         if (decision->vehicles[i].vehicle_id == vehicle_id) {
             return &decision->vehicles[i];

@@ -54,11 +54,11 @@ typedef struct verge_planner_def {
     double   reward_room;       ///< [1]     cost of a lane change that leaves no gap, in units of
                                 ///<         one step's share of R_i (1 / steps); it falls to 0 at
                                 ///<         change_gap_wanted
-    double   cruise_share;      ///< [1]     of VERGE_SEARCH_PAPER: share of the speed limit below which a step earns in
-                                ///<         proportion to speed
-    double   target_distance;   ///< [m]     of VERGE_SEARCH_PAPER: distance in the target lane after which a vehicle has
-                                ///<         reached its target; a simulation of the search ends
-                                ///<         when all vehicles have
+    double   cruise_share;      ///< [1]     share of the speed limit below which a step earns in
+                                ///<         proportion to speed; of VERGE_SEARCH_PAPER
+    double   target_distance;   ///< [m]     distance in the target lane after which a vehicle has
+                                ///<         reached its target; a simulation of VERGE_SEARCH_PAPER
+                                ///<         ends when all vehicles have
     double   switch_margin;     ///< [1]     gain in reward that is needed to replace the lane
                                 ///<         changes of the last plan, times the share of vehicles
                                 ///<         whose lane changes differ

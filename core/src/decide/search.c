@@ -71,14 +71,16 @@ static change_list changes_of(const vg_search* self, const vg_joint_actions* pla
         const uint32_t across = vg_actions[vg_wanted_action(plan, t, slot)].across;
         if (across != VG_KEEP_LANE) {
             list.first = list.changes == 0 ? t : list.first;
-            list.changes = (list.changes & 3u) == across ? list.changes : list.changes << 2u | across;
+            if ((list.changes & 3u) != across) {
+                list.changes = list.changes << 2u | across;
+            }
         }
     }
     return list;
 }
 
-// Share of X_flow that belongs to vehicles whose lane changes differ from those of the plan kept, or
-// begin later. Differences of speed do not count, nor does an earlier begin. [1]
+// Share of X_flow that belongs to vehicles whose lane changes differ from those of the plan kept,
+// or begin later. Differences of speed do not count, nor does an earlier begin. [1]
 static double switched_share(const vg_search* self, const vg_joint_actions* kept)
 {
     double sum = 0.0;

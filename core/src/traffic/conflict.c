@@ -8,8 +8,8 @@
 // Smallest gap between two bodies after joint actions. [m]
 static const float joint_gap_along = 1.0f;
 static const float joint_gap_across = 0.3f;
-// A vehicle that turns out slowly before a body that stands does not move along a straight line: the
-// trajectory knows whether it gets past. [m/s], lateral motion of the step [m]
+// A vehicle that turns out slowly before a body that stands does not move along a straight line:
+// the trajectory knows whether it gets past. [m/s], lateral motion of the step [m]
 static const float turning_speed = 3.0f, turning_offset = 0.3f;
 
 static bool areas_conflict(const vg_model* model, const vg_flow* flow, const float* station1,

@@ -14,7 +14,8 @@
 static const float comfort_braking = 2.0f, chosen_braking = 1.0f;
 // A vehicle nearer than this to the one ahead follows it: KS keeps its gap. [s], [m/s^2]
 static const float following_s = 5.0f, keeping_acceleration = 0.4f;
-// Above the limit where it is, a vehicle that leaves a slow place drives by at most this more. [m/s^2]
+// Above the limit where it is, a vehicle that leaves a slow place drives by at most this more.
+// [m/s^2]
 static const float limit_rise = 1.0f;
 // Braking before the end of a lane: a vehicle that merges needs the lane to gain speed. [m/s^2]
 static const float end_braking = 4.0f;
@@ -300,8 +301,9 @@ static float off_goal(const vg_model* model, const vg_flow* flow, uint32_t slot)
     return flow->d[slot] - vg_lane_goal(model, flow, slot, flow->station[slot]);
 }
 
-// Is the vehicle on its way from the lane beside, on the right (sign 1) or left (-1)? Where it passes
-// a body within its lane, or has passed it, it is not: lane keeping leads back to the centre.
+// Is the vehicle on its way from the lane beside, on the right (sign 1) or left (-1)? Where it
+// passes a body within its lane, or has passed it, it is not: lane keeping leads back to the
+// centre.
 static bool came_from(const vg_model* model, const vg_flow* flow, uint32_t slot, float sign)
 {
     const float from = model->body_count > 0 ? passing_offset : VG_CENTRED;
@@ -316,8 +318,8 @@ static uint8_t changes_allowed(const vg_model* model, const vg_flow* flow, uint3
     for (uint32_t side = 0; side < 2; ++side) {
         const bool left = side == 0;
         const uint32_t bit = 1u << (left ? VERGE_CHANGE_LEFT : VERGE_CHANGE_RIGHT);
-        if (came_from(model, flow, slot, left ? 1.0f : -1.0f)) { // completes the change that led here
-            allowed |= bit;
+        if (came_from(model, flow, slot, left ? 1.0f : -1.0f)) {
+            allowed |= bit; // completes the change that led here
         } else if (across_gap(model, flow, slot, left) > 0.0f) {
             const int32_t beside = lane_beside(model, flow, slot, left);
             const float there = time_to_go(model, slot, beside, flow->station[slot]);
@@ -381,8 +383,8 @@ static bool fits_before_follower(const vg_model* model, const vg_flow* flow, uin
            >= -change_braking_behind;
 }
 
-// A vehicle takes the speed of the other lane's traffic before it changes, where its own lane leaves
-// room for that.
+// A vehicle takes the speed of the other lane's traffic before it changes, where its own lane
+// leaves room for that.
 static bool speed_fits(const vg_model* model, const vg_flow* flow, const vg_neighbours* keep,
                        uint32_t slot, const gaps* g)
 {
@@ -481,7 +483,8 @@ void vg_drive_check_change(const vg_model* model, const vg_flow* flow, vg_moves*
                                  following_speed(model, flow, &g.w, slot, change_gap_share));
     const float v1 = vg_maxf(wanted, vg_maxf(v - change_braking * dt, 0.0f));
     const float distance = 0.5f * (v + v1) * dt;
-    if (own.most < 0.0f || v1 > moves->wall[slot] + 0.1f || v1 > own.most + 0.1f || distance < 0.1f) {
+    const float most = vg_minf(moves->wall[slot], own.most);
+    if (own.most < 0.0f || v1 > most + 0.1f || distance < 0.1f) {
         return;
     }
     const uint32_t along = vg_actions[action].along, across = vg_actions[action].across;

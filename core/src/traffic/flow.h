@@ -62,7 +62,7 @@ typedef struct vg_flow {
 /// Does a vehicle stand, and is it expected to go on? Controlled vehicles are never static.
 typedef enum vg_standing {
     VG_MOVING = 0,
-    VG_TEMPORARILY_STOPPED, ///< behind another one, before a junction or a lane's end, or setting off
+    VG_TEMPORARILY_STOPPED, ///< behind another one, before a junction or a lane's end, setting off
     VG_STATIC,              ///< without a cause, beside the lane's centre, across it or facing back
 } vg_standing;
 
@@ -138,8 +138,8 @@ typedef struct vg_model {
     float    wrong_lane[VERGE_CONTROLLED_MAX];   ///< [1] cost of each second off the target lane
     float    loss_at_root[VERGE_CONTROLLED_MAX]; ///< [s] vg_flow_loss() without other vehicles
     double   acceleration[VERGE_CONTROLLED_MAX]; ///< [m/s^2] of AC
-    /// [m] along the lane from the middle of vehicle and trailer to the centre of the vehicle, below
-    /// 0 where it faces back. Stations of the flow are those of the middle.
+    /// [m] along the lane from the middle of vehicle and trailer to the centre of the vehicle,
+    /// below 0 where it faces back. Stations of the flow are those of the middle.
     double   back[VERGE_VEHICLES_MAX];
     int32_t  target[VERGE_CONTROLLED_MAX];     ///< lane index, -1 none
     const vg_way* ways[VERGE_CONTROLLED_MAX];  ///< [lane] to the target, null: none
@@ -190,8 +190,8 @@ static inline double vg_flow_s(const vg_model* model, const vg_flow* flow, uint3
 /// Looks up the road fields of all slots. Call it after station, d, v or lane were set.
 void vg_flow_derive(const vg_model* model, vg_flow* flow);
 
-/// True if every slot is on a lane of the road with finite coordinates, controlled ones with a speed
-/// of 0 or more: what each step of a search expects and leaves. For assertions and tests.
+/// True if every slot is on a lane of the road with finite coordinates, controlled ones with a
+/// speed of 0 or more: what each step of a search expects and leaves. For assertions and tests.
 bool vg_flow_holds(const vg_model* model, const vg_flow* flow);
 
 /// y of a lane's centre at a station [m].

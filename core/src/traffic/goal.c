@@ -13,8 +13,8 @@ static const float clear = 0.5f, clear_narrow = 1.0f, clear_border = 0.1f;
 // Highest speed beside a body, the same with less than `clear`, and braking down to it. [m/s],
 // [m/s^2]
 static const float speed_beside = 8.0f, speed_close = 5.0f, braking = 1.5f;
-// A vehicle is at its goal this far, or this time, before it reaches the body, and until it is past.
-// [m], [s], [m]
+// A vehicle is at its goal this far, or this time, before it reaches the body, and until it is
+// past. [m], [s], [m]
 static const float lead_distance = 15.0f, lead_time = 3.0f, tail_distance = 1.0f;
 
 static void add_body(vg_model* model, const vg_flow* flow, uint32_t slot, int32_t lane, float d)

@@ -1,5 +1,5 @@
-/// Where in its lane a vehicle drives: in the centre, or beside a body that stands partly in the lane
-/// and leaves room enough. What lies wholly beside the lane, or blocks it, changes nothing.
+/// Where in its lane a vehicle drives: in the centre, or beside a body that stands partly in the
+/// lane and leaves room enough. What lies wholly beside the lane, or blocks it, changes nothing.
 #ifndef VG_GOAL_H
 #define VG_GOAL_H
 

@@ -12,11 +12,11 @@
 // speed limit is reached.
 static const double trend_s = 2.0;     // [s]
 static const double speeding_up = 0.1; // [m/s^2] above the noise of constant speed
-// BEST: comfortable acceleration of a car [m/s^2]; share of the largest acceleration that is the mean
-// of a step, because a trajectory takes it up and ends it smoothly [1].
+// BEST: comfortable acceleration of a car [m/s^2]; share of the largest acceleration that is the
+// mean of a step, because a trajectory takes it up and ends it smoothly [1].
 static const double comfort_acceleration = 1.5, mean_of_peak = 0.65;
-// BEST: time gap to a vehicle that verge does not plan, by the cooperation factor of the habit: 1.0 s
-// aggressive, 1.5 s normal, 2.0 s conservative. [s]
+// BEST: time gap to a vehicle that verge does not plan, by the cooperation factor of the habit:
+// 1.0 s aggressive, 1.5 s normal, 2.0 s conservative. [s]
 static const double gap_least = 1.0, gap_most = 2.0, gap_normal = 1.5, gap_by_cooperation = 1.25;
 // Cooperation factor of the normal habit (Table 2). The penalty for a lane change with a small gap
 // scales with the cooperation factor of the vehicle relative to this one. [1]

@@ -15,7 +15,7 @@ typedef struct vg_moves {
     VG_ALIGNED float station[VG_ALONG_COUNT][VERGE_VEHICLES_MAX]; ///< [m] by vg_along
     VG_ALIGNED float v[VG_ALONG_COUNT][VERGE_VEHICLES_MAX];       ///< [m/s] by vg_along
     VG_ALIGNED float y[VG_ACROSS_COUNT][VERGE_VEHICLES_MAX];      ///< [m] by vg_across
-    vg_neighbours keep[VERGE_CONTROLLED_MAX];    ///< BEST: nearest vehicles in the own lane after KS
+    vg_neighbours keep[VERGE_CONTROLLED_MAX];    ///< BEST: in the own lane after KS
     float   wall[VERGE_CONTROLLED_MAX]; ///< [m/s] BEST: most before a conflict area or a signal
     float   change_gap[2][VERGE_CONTROLLED_MAX]; ///< [m] left by a legal change to the left, right
     uint8_t legal[VERGE_CONTROLLED_MAX];         ///< set of actions (bits), never empty

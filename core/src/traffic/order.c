@@ -175,8 +175,8 @@ static void find_ring(vg_course* course, const vg_model* model)
         course->ring_lane = (int32_t)lane;
         for (uint32_t m = road->merges_from[before]; m < road->merges_from[before + 1u]; ++m) {
             if (on_one_ring(model, lane, road->merges[m].other)) {
-                course->ring_enter = vg_minf(course->ring_enter,
-                                             vg_on_leg(&course->legs[k - 1u], road->merges[m].touch));
+                const float touch = vg_on_leg(&course->legs[k - 1u], road->merges[m].touch);
+                course->ring_enter = vg_minf(course->ring_enter, touch);
             }
         }
         break;
@@ -196,30 +196,30 @@ static void add_box(vg_course* course, vg_box box, float room)
     }
 }
 
-// The crossings of one lane, nearest first. They are stored by the other lane, so the nearest
-// beyond the last one is searched.
+// The nearest crossing of a lane that begins beyond a station. They are stored by the other lane.
+static const vg_conflict* next_crossing(const verge_road* road, uint32_t lane, float beyond)
+{
+    const vg_conflict* next = NULL;
+    for (uint32_t c = road->conflicts_from[lane]; c < road->conflicts_from[lane + 1u]; ++c) {
+        const vg_conflict* area = &road->conflicts[c];
+        if (!area->parts && area->from > beyond && (next == NULL || area->from < next->from)) {
+            next = area;
+        }
+    }
+    return next;
+}
+
 static void find_boxes(vg_course* course, const verge_road* road, float half)
 {
     const float room = 2.0f * half + standing_gap;
     for (uint32_t k = 0; k < course->leg_count; ++k) {
         const vg_route_leg* leg = &course->legs[k];
         const uint32_t lane = (uint32_t)leg->lane;
-        float done = -VG_FAR_AWAY;
-        for (bool more = true; more;) {
-            const vg_conflict* next = NULL;
-            for (uint32_t c = road->conflicts_from[lane]; c < road->conflicts_from[lane + 1u]; ++c) {
-                const vg_conflict* area = &road->conflicts[c];
-                if (!area->parts && area->from > done && (next == NULL || area->from < next->from)) {
-                    next = area;
-                }
-            }
-            more = next != NULL;
-            if (more) {
-                done = next->from;
-                const float enter = vg_on_leg(leg, next->from), leave = vg_on_leg(leg, next->to);
-                if (leave > -half) {
-                    add_box(course, (vg_box){ enter, leave, leg->lane }, room);
-                }
+        for (const vg_conflict* area = next_crossing(road, lane, -VG_FAR_AWAY); area != NULL;
+             area = next_crossing(road, lane, area->from)) {
+            const float enter = vg_on_leg(leg, area->from), leave = vg_on_leg(leg, area->to);
+            if (leave > -half) {
+                add_box(course, (vg_box){ enter, leave, leg->lane }, room);
             }
         }
     }
@@ -460,9 +460,9 @@ static void take_wall(vg_wall* wall, float at, float r, verge_why why, int32_t s
     }
 }
 
-// Position where the front of the slot waits because of an area: before its entry. Where lanes merge
-// or part, it may follow the one that goes first beyond the entry: up to where that one would stop.
-// VG_FAR_AWAY: the vehicle that goes first has left the area.
+// Position where the front of the slot waits because of an area: before its entry. Where lanes
+// merge or part, it may follow the one that goes first beyond the entry: up to where that one would
+// stop. VG_FAR_AWAY: the vehicle that goes first has left the area.
 static float line_of(const vg_model* model, const vg_flow* flow, uint32_t slot,
                      const vg_share* area, float r)
 {
@@ -510,7 +510,8 @@ static void wall_of_shares(const vg_model* model, const vg_flow* flow, uint32_t 
                                    (int32_t)area->other_lane };
             }
         } else if (area->kind == VG_SHARE_PART
-                   || (front < area->enter && area->enter - VG_STOP_BEFORE_MERGE - r < wall->distance
+                   || (front < area->enter
+                       && area->enter - VG_STOP_BEFORE_MERGE - r < wall->distance
                        && can_stop(flow->v[slot], area->enter - front, braking_last))) {
             static const verge_why whys[] = { VERGE_WHY_AREA, VERGE_WHY_MERGE, VERGE_WHY_LEADER };
             take_wall(wall, line_of(model, flow, slot, area, r), r, whys[area->kind],
@@ -568,19 +569,22 @@ static void wall_of_boxes(const vg_model* model, const vg_flow* flow, uint32_t s
 {
     const vg_course* course = &model->order->courses[slot];
     const float half = model->half_length[slot], v = flow->v[slot];
-    for (uint32_t k = 0; k < course->box_count; ++k) {
-        const vg_box* box = &course->boxes[k];
-        const float gap = box->enter - VG_STOP_BEFORE - r - half;
-        if (gap + VG_STOP_BEFORE < 0.0f) {
-            continue; // it is in the box already
-        }
-        int32_t last = -1;
-        if (box->enter - VG_STOP_BEFORE - r < wall->distance && can_stop(v, gap + VG_STOP_BEFORE, braking_box)
-            && gap < v * v + scope_distance
-            && room_behind(model->order, model, flow, slot, r, box, &last) < 2.0f * half + standing_gap) {
-            take_wall(wall, box->enter - VG_STOP_BEFORE, r, VERGE_WHY_EXIT, last, box->exit_lane);
-        }
-        break; // the next box binds once this one is left behind
+    uint32_t k = 0; // boxes that it is in already, or has left, bind no more; then the nearest does
+    while (k < course->box_count
+           && course->boxes[k].enter - VG_STOP_BEFORE - r - half + VG_STOP_BEFORE < 0.0f) {
+        ++k;
+    }
+    if (k == course->box_count) {
+        return;
+    }
+    const vg_box* box = &course->boxes[k];
+    const float line = box->enter - VG_STOP_BEFORE, gap = line - r - half;
+    const float needed = 2.0f * half + standing_gap;
+    int32_t last = -1;
+    if (line - r < wall->distance && can_stop(v, gap + VG_STOP_BEFORE, braking_box)
+        && gap < v * v + scope_distance
+        && room_behind(model->order, model, flow, slot, r, box, &last) < needed) {
+        take_wall(wall, line, r, VERGE_WHY_EXIT, last, box->exit_lane);
     }
 }
 
@@ -605,7 +609,8 @@ static void wall_of_ring(const vg_model* model, const vg_flow* flow, uint32_t sl
     }
     const float ring = vg_local_relation(model->pairs->local, lane, lane)->period;
     if (taken > ring && last >= 0) {
-        take_wall(wall, course->ring_enter - VG_STOP_BEFORE, r, VERGE_WHY_EXIT, last, course->ring_lane);
+        take_wall(wall, course->ring_enter - VG_STOP_BEFORE, r, VERGE_WHY_EXIT, last,
+                  course->ring_lane);
     }
 }
 

@@ -1,32 +1,35 @@
 /// Who passes a conflict area before whom. One total order (the rank) holds for all vehicles of a
 /// scene and for all areas, so the order has no circle. It is made at the start of a decision and
-/// stays the same during the search; vg_order_wall() says where a vehicle has to stop because of it.
+/// stays the same during the search; vg_order_wall() says where a vehicle has to stop for it.
 ///
-/// Areas       Lanes that cross or part (vg_conflict), lanes that lead to a common lane (merge), and the ends
-///             of lanes beside others (zipper.c). Each vehicle has a route: its lane and the lanes
-///             that continue it towards its target. Two routes share an area where one crosses or
-///             joins the other.
-/// Rank        By the time of arrival (rank.c), with these exceptions, which are facts or rules: a
-///             leader before its follower; a vehicle in an area, or one that cannot stop before it,
-///             before others; an uncontrolled vehicle before one that would not clear the area early
-///             enough. Priority rules delay the time of arrival. A vehicle keeps its first time of
-///             arrival while it waits, so waiting longer means to be earlier.
+/// Areas       Lanes that cross or part (vg_conflict), lanes that lead to a common lane (merge), and
+///             the ends of lanes beside others (zipper.c). Each vehicle has a route: its lane and
+///             the lanes that continue it towards its target. Two routes share an area where one
+///             crosses or joins the other.
+/// Rank        By the time of arrival (rank.c), with these exceptions, which are facts or rules:
+///             a leader before its follower; a vehicle in an area, or one that cannot stop before
+///             it, before others; an uncontrolled vehicle before one that would not clear the
+///             area early enough. Priority rules delay the time of arrival. A vehicle keeps its
+///             first time of arrival while it waits, so waiting longer means to be earlier.
 /// Waiting     A vehicle waits before an area until all vehicles with a lower rank have left it. It
 ///             also waits before a crossing while there is no room for it beyond (the box stays
 ///             clear), and before a ring that it would fill completely.
 ///
 /// The order cannot lock controlled vehicles that stand:
-///             (1) The rank is total, and each vehicle waits for lower ranks only, so among vehicles
-///             that wait for an area there is one that waits for nobody: the one of lowest rank.
+///             (1) The rank is total, and each vehicle waits for lower ranks only, so among
+///             vehicles that wait for an area there is one that waits for nobody: the one of
+///             lowest rank.
 ///             (2) It could still be held by a vehicle of higher rank that stands in its area or
 ///             behind it. That vehicle entered with room beyond the area, so it drives out. A
-///             vehicle without room beyond its area ranks after all others, so nobody waits for it.
-///             (3) On a ring each vehicle is behind another one. Entering leaves a free place of one
-///             vehicle on it; this place moves backwards round the ring, and all vehicles move.
-///             Hence some vehicle moves while any waits. Vehicles and areas are finite, so all get
-///             through. Outside causes remain: an uncontrolled vehicle, an obstacle, a signal, a full
-///             exit. vg_order_reason() names them. Facts can contradict one another where vehicles
-///             begin inside areas: then progress.c finds the circle and puts one vehicle first.
+///             vehicle without room beyond its area ranks after all others, so nobody waits for
+///             it.
+///             (3) On a ring each vehicle is behind another one. Entering leaves a free place of
+///             one vehicle on it; this place moves backwards round the ring, and all vehicles
+///             move. Hence some vehicle moves while any waits. Vehicles and areas are finite, so
+///             all get through. Outside causes remain: an uncontrolled vehicle, an obstacle, a
+///             signal, a full exit. vg_order_reason() names them. Facts can contradict one
+///             another where vehicles begin inside areas: then progress.c finds the circle and
+///             puts one vehicle first.
 ///             Limit: a before b in one area and b before a in another cannot be expressed.
 #ifndef VG_ORDER_H
 #define VG_ORDER_H
@@ -168,7 +171,7 @@ float vg_order_position(const vg_model* model, const vg_flow* flow, uint32_t slo
 bool vg_order_has_room(const vg_order* order, const vg_model* model, const vg_flow* flow,
                        uint32_t slot);
 
-// ---------------------------------------------------------------------------- order.c, for the others
+// ---------------------------------------------------------------------------- shared
 
 /// Position on a route [m] of a station of one of its lanes, and of the start of that lane.
 static inline float vg_on_leg(const vg_route_leg* leg, float station)
@@ -196,8 +199,8 @@ verge_turn* vg_turn_of(verge_turns* turns, int32_t id);
 
 // ---------------------------------------------------------------------------- zipper.c
 
-/// Distance in which a vehicle of this speed stops with comfortable braking after one decision step:
-/// so far one may follow it. [m]
+/// Distance in which a vehicle of this speed stops with comfortable braking after one decision
+/// step: so far one may follow it. [m]
 static inline float vg_order_stopping(const vg_model* model, float v)
 {
     static const float braking = 2.0f; // [m/s^2]

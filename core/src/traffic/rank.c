@@ -1,4 +1,5 @@
-/// The rank of the vehicles of a scene: by arrival, within what facts and rules demand. See order.h.
+/// The rank of the vehicles of a scene: by arrival, within what facts and rules demand. See
+/// order.h.
 #include "traffic/order.h"
 
 #include "base/contract.h"
@@ -12,8 +13,8 @@ static const float acceleration = 1.5f;
 static const float braking_planned = 3.0f;
 // Time between a planned vehicle that leaves an area and an uncontrolled one that arrives. [s]
 static const float encroachment = 1.0f;
-// An estimate of arrival that is later by more, or earlier by more, replaces the first one. A vehicle
-// that is at most so long away waits for its turn, and is not late. [s]
+// An estimate of arrival that is later by more, or earlier by more, replaces the first one. A
+// vehicle that is at most so long away waits for its turn, and is not late. [s]
 static const double later = 3.0, earlier = 1.0;
 // Later arrival, in effect, of a lane that yields, and of one that enters a ring. [s]
 static const double yields = 4.0, enters = 4.0;
@@ -123,8 +124,8 @@ static bool is_planned(const ranking* self, uint32_t slot)
     return (slot < self->model->controlled_count) != self->order->of_humans;
 }
 
-// Arrival at the first shared area on a free road. A vehicle that is not planned here is expected to
-// keep its speed; standing away from an area it does not go.
+// Arrival at the first shared area on a free road. A vehicle that is not planned here is expected
+// to keep its speed; standing away from an area it does not go.
 static float free_arrival(const ranking* self, uint32_t slot)
 {
     const float v = self->flow->v[slot];
@@ -206,7 +207,10 @@ static verge_priority priority_at(const vg_order* order, const vg_model* model, 
     if (before >= 0) {
         found = road->lanes[before].priority;
     }
-    for (uint32_t k = 0; k < course->leg_count && vg_leg_start(&course->legs[k], road) <= enter; ++k) {
+    for (uint32_t k = 0; k < course->leg_count; ++k) {
+        if (vg_leg_start(&course->legs[k], road) > enter) {
+            break;
+        }
         const verge_priority here = road->lanes[course->legs[k].lane].priority;
         found = here != VERGE_PRIORITY_NONE ? here : found;
     }
@@ -372,7 +376,8 @@ static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
     const uint32_t j = area->other;
     const float v = self->flow->v[j];
     if (self->order->of_humans || !is_planned(self, i) || is_planned(self, j) || v < standing
-        || area->kind >= VG_SHARE_PART || grade(self, i, area->enter, vg_share_margin(area)) != FREE) {
+        || area->kind >= VG_SHARE_PART
+        || grade(self, i, area->enter, vg_share_margin(area)) != FREE) {
         return false;
     }
     if (vg_order_yields(self->order, self->model, j, area->other_enter)
@@ -417,8 +422,8 @@ static void keep_passes(ranking* self, const verge_scene* scene, const verge_dec
 
 // ---------------------------------------------------------------------------- ranks
 
-// The next vehicle: the earliest one of those whose predecessors have a rank. Where facts contradict
-// one another, none is left, and the earliest of all is next.
+// The next vehicle: the earliest one of those whose predecessors have a rank. Where facts
+// contradict one another, none is left, and the earliest of all is next.
 static uint32_t next_of(const ranking* self, uint64_t left)
 {
     int32_t best = -1;

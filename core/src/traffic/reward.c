@@ -15,8 +15,8 @@ static const float room_share = 0.8f;
 static const float harsh_from = 2.0f, harsh_cost = 0.01f;
 // Change of speed in one step that counts as a whole reversal. [m/s]
 static const float reversal_speed = 4.0f;
-// Cost of each second in a lane that does not lead to the target: small where the vehicle leaves the
-// target lane to overtake, larger where it is not there yet. [1]
+// Cost of each second in a lane that does not lead to the target: small where the vehicle leaves
+// the target lane to overtake, larger where it is not there yet. [1]
 static const float cost_of_leaving = 0.2f, cost_of_missing = 2.2f;
 // A vehicle nearer than this to the one ahead follows it. [s]
 static const float following_s = 4.0f;

@@ -10,8 +10,8 @@
 
 // Error of a measured speed at standstill. [m/s]
 static const double speed_noise = 0.2;
-// A lane runs in the direction of a vehicle up to this angle, 60 degrees; what other lanes fit worse.
-// [1], [m]
+// A lane runs in the direction of a vehicle up to this angle, 60 degrees; what other lanes fit
+// worse. [1], [m]
 static const double same_direction = 0.5;
 static const double other_direction = 1e3;
 // Lanes whose misfit differs by less fit as well. [m]

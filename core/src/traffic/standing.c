@@ -1,5 +1,5 @@
-/// See standing.h. A scene has no past: how long a vehicle has stood is not known, so that its place
-/// and its pose have to tell.
+/// See standing.h. A scene has no past: how long a vehicle has stood is not known, so that its
+/// place and its pose have to tell.
 #include "traffic/standing.h"
 
 #include "base/contract.h"

@@ -164,7 +164,8 @@ static float end_time(const builder* self, const vg_value_lane* of)
     const float speed = vg_minf((float)lane->speed_limit, self->speed_max);
     const float beyond = left / vg_maxf(speed, speed_min);
     if (leads_to_target(self, of->lane)) {
-        return beyond + (ends_at < (float)VG_VALUE_REACH && lane->dead_end ? VG_VALUE_DEAD_END : 0.0f);
+        const bool dead_end = ends_at < (float)VG_VALUE_REACH && lane->dead_end;
+        return beyond + (dead_end ? VG_VALUE_DEAD_END : 0.0f);
     }
     const uint32_t changes = vg_road_changes(self->road, of->lane, (uint32_t)self->target);
     const bool lost = changes == VG_NEVER || ends_at < (float)VG_VALUE_REACH;

@@ -1,6 +1,6 @@
-/// Merging one by one at the end of a lane: the vehicles of the lane that ends and of the lane beside
-/// it form one sequence, by their distance to the end, alternating where both lanes are full. See
-/// order.h.
+/// Merging one by one at the end of a lane: the vehicles of the lane that ends and of the lane
+/// beside it form one sequence, by their distance to the end, alternating where both lanes are
+/// full. See order.h.
 #include "traffic/order.h"
 
 #include "base/contract.h"
@@ -59,7 +59,8 @@ static float length_of(const vg_model* model, const vg_flow* flow, uint32_t slot
 }
 
 // Can the head of the lane that goes on stay behind the head of the lane that ends?
-static bool lets_in(const vg_model* model, const vg_flow* flow, const queue* on, const queue* ending)
+static bool lets_in(const vg_model* model, const vg_flow* flow, const queue* on,
+                    const queue* ending)
 {
     const uint32_t c = on->slots[on->at], e = ending->slots[ending->at];
     const float v = flow->v[c], v_in = flow->v[e];

@@ -17,6 +17,8 @@ static bool scenario_build(scenario* scene, const uint64_t* seed);
 static void simulation_from_json(const json_at* root, scenario* scene);
 static bool vehicles_from_json(const json_at* at, scenario* scene);
 static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehicle* vehicle);
+static bool human_flag(const json_at* at, const char* key, bool otherwise,
+                       const scenario_vehicle* vehicle);
 static void parked_from_json(const json_at* at, scenario_vehicle* vehicle);
 static void track_from_json(const json_at* at, scenario_vehicle* vehicle);
 static void row_from_json(const json_at* at, scenario_row* row);
@@ -242,24 +244,29 @@ static void vehicle_from_json(const json_at* at, scenario* scene, scenario_vehic
     } else if (json_given(&track)) {
         track_from_json(&track, vehicle);
     }
-    const json_at yields = json_member(at, "yields");
-    vehicle->lawless = !json_bool_or(at, "yields", true);
-    if (json_given(&yields) && (start->controlled || vehicle->track_count > 0)) {
-        json_fail(&yields, "is given for a vehicle that is controlled or follows a track, expected"
-                           " on humans without a track only");
-    }
+    vehicle->lawless = !human_flag(at, "yields", true, vehicle);
     parked_from_json(at, vehicle);
+}
+
+/// A flag of humans without a track, whose `control` and `track` have been read.
+static bool human_flag(const json_at* at, const char* key, bool otherwise,
+                       const scenario_vehicle* vehicle)
+{
+    const json_at flag = json_member(at, key);
+    const bool    value = json_bool_or(at, key, otherwise);
+    if (json_given(&flag) && (vehicle->start.controlled || vehicle->track_count > 0)) {
+        json_fail(&flag, "is given for a vehicle that is controlled or follows a track, expected"
+                         " on humans without a track only");
+    }
+    return value;
 }
 
 static void parked_from_json(const json_at* at, scenario_vehicle* vehicle)
 {
-    const json_at       parked = json_member(at, "parked");
+    const json_at        parked = json_member(at, "parked");
     const verge_vehicle* start = &vehicle->start;
-    vehicle->parked = json_bool_or(at, "parked", false);
-    if (json_given(&parked) && (start->controlled || vehicle->track_count > 0)) {
-        json_fail(&parked, "is given for a vehicle that is controlled or follows a track, expected"
-                           " on humans without a track only");
-    } else if (vehicle->parked && (start->speed != 0.0 || start->acceleration != 0.0)) {
+    vehicle->parked = human_flag(at, "parked", false, vehicle);
+    if (vehicle->parked && (start->speed != 0.0 || start->acceleration != 0.0)) {
         json_fail(&parked, "is given for a vehicle at %g m/s and %g m/s^2, expected 0 and 0",
                   start->speed, start->acceleration);
     }

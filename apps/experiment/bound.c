@@ -17,8 +17,7 @@ typedef struct alone {
 
 static double best_alone(alone* self, uint32_t step);
 static void place_all(const world* world, verge_scene* scene);
-static vg_pairs* pairs_make(void);
-static vg_value* value_make(void** memory);
+static void* buffers_make(vg_pairs** pairs, vg_value** value);
 
 double bound_of(const world* world)
 {
@@ -33,9 +32,9 @@ double bound_of(const world* world)
     }
     alone* all = must_calloc(1, sizeof *all);
     alone* self = must_calloc(1, sizeof *self);
-    vg_pairs* pairs = pairs_make();
-    void* memory = NULL;
-    vg_value* value = value_make(&memory);
+    vg_pairs* pairs = NULL;
+    vg_value* value = NULL;
+    void* memory = buffers_make(&pairs, &value);
     vg_model_from(&all->scene, &all->flows[0], def, pairs, &scene, vg_scene_controlled(&scene));
     double sum = 0.0;
     for (uint32_t slot = 0; slot < all->scene.controlled_count; ++slot) {
@@ -50,7 +49,6 @@ double bound_of(const world* world)
         sum += (double)all->scene.weight[slot] * best_alone(self, 0);
     }
     const bool any = all->scene.controlled_count > 0;
-    free(pairs);
     free(memory);
     free(self);
     free(all);
@@ -90,29 +88,24 @@ static void place_all(const world* world, verge_scene* scene)
     }
 }
 
-static vg_pairs* pairs_make(void)
+static void buffers_take(vg_arena* arena, vg_pairs** pairs, vg_value** value)
 {
-    vg_arena measure, arena;
-    vg_arena_init(&measure, NULL, 0);
-    (void)vg_pairs_take(&measure, VERGE_VEHICLES_MAX, 0);
-    void* memory = aligned_alloc(VG_ARENA_ALIGN, measure.used);
+    *pairs = vg_pairs_take(arena, VERGE_VEHICLES_MAX, 0);
+    *value = vg_value_take(arena, VERGE_CONTROLLED_MAX, 0);
+}
+
+/// Returns the memory of both, to be freed.
+static void* buffers_make(vg_pairs** pairs, vg_value** value)
+{
+    vg_arena arena;
+    vg_arena_init(&arena, NULL, 0);
+    buffers_take(&arena, pairs, value);
+    const size_t size = arena.used;
+    void* memory = aligned_alloc(VG_ARENA_ALIGN, size);
     if (memory == NULL) {
         abort();
     }
-    vg_arena_init(&arena, memory, measure.used);
-    // The first block of the arena: freeing it frees all of it.
-    return vg_pairs_take(&arena, VERGE_VEHICLES_MAX, 0);
-}
-
-static vg_value* value_make(void** memory)
-{
-    vg_arena measure, arena;
-    vg_arena_init(&measure, NULL, 0);
-    (void)vg_value_take(&measure, VERGE_CONTROLLED_MAX, 0);
-    *memory = aligned_alloc(VG_ARENA_ALIGN, measure.used);
-    if (*memory == NULL) {
-        abort();
-    }
-    vg_arena_init(&arena, *memory, measure.used);
-    return vg_value_take(&arena, VERGE_CONTROLLED_MAX, 0);
+    vg_arena_init(&arena, memory, size);
+    buffers_take(&arena, pairs, value);
+    return memory;
 }

@@ -1,5 +1,5 @@
-/// Goal: a vehicle that stands has a cause where somebody moves nearby, or where a body or the end of
-/// the road is in its way, along whatever lanes lead on; none elsewhere.
+/// Goal: a vehicle that stands has a cause where somebody moves nearby, or where a body or the end
+/// of the road is in its way, along whatever lanes lead on; none elsewhere.
 /// Method: one vehicle placed by hand on a road of lanes in sequence, on a lane that ends beside
 /// them, and on a ring; the distance to the end is a closed form.
 #include "check.h"

@@ -230,18 +230,42 @@ static void a_change_under_way_ends_when_it_was_going_to(void** state)
     decided(at, actions);
     make_segments(at, 0);
     job.lane = 0;
-    vg_segments_finish_change(&expected, 1, 2.2, &job);
+    vg_segments_finish_change(&expected, 1, 1.9, &job);
     assert_int_equal(job.segment_count, 2);
-    CHECK_NEAR(job.segments[0].t1, 2.2, 1e-12);
-    CHECK_NEAR(job.segments[1].t0, 2.2, 1e-12);
+    CHECK_NEAR(job.segments[0].t1, 1.9, 1e-12);
+    CHECK_NEAR(job.segments[1].t0, 1.9, 1e-12);
     CHECK_NEAR(job.segments[1].t1, 3.0, 1e-12);
     assert_int_equal(job.segments[0].action, VERGE_CHANGE_LEFT);
     assert_int_equal(job.segments[0].lane, 1);
     CHECK_NEAR(job.segments[0].d, 0.0, 0.0);
-    const double part = 0.7 / 1.5; // of the second step
+    CHECK_NEAR(job.segments[0].rest, 0.0, 0.0);
+    const double part = 0.4 / 1.5; // of the second step
     CHECK_NEAR(job.segments[0].v, 10.0 + part * 0.9, 1e-4);
     CHECK_NEAR(job.segments[0].s, 100.0 + decision.way[0][0] + part * decision.way[1][0], 0.02);
     stage_close(at);
+}
+
+static void no_segment_after_the_rest_of_a_change_is_too_short_to_move_in(void** state)
+{
+    (void)state;
+    static const uint8_t actions[VERGE_STEPS_MAX] = { VERGE_CHANGE_LEFT, VERGE_ACCELERATE };
+    for (int k = 0; k <= 40; ++k) { // left of the change: from 1 s on to more than the horizon
+        const double left = 1.0 + 0.06 * k;
+        stage* at = stage_open(3, 2000.0);
+        stage_add(at, true, 0, 100.0, 1.0, 10.0, 1);
+        decided(at, actions);
+        make_segments(at, 0);
+        job.lane = 0;
+        vg_segments_finish_change(&expected, 1, left, &job);
+        const vg_segment* last = &job.segments[job.segment_count - 1];
+        CHECK_NEAR(last->t1, 3.0, 1e-12);
+        CHECK_NEAR(job.segments[0].t1 - job.segments[0].rest, fmin(left, 3.0), 1e-12);
+        for (uint32_t i = 1; i < job.segment_count; ++i) {
+            CHECK_NEAR(job.segments[i].t0, job.segments[i - 1].t1, 1e-12);
+            assert_true(job.segments[i].t1 - job.segments[i].t0 > 1.0 - 1e-6);
+        }
+        stage_close(at);
+    }
 }
 
 static void a_change_that_is_given_up_or_goes_on_is_not_finished(void** state)
@@ -290,6 +314,7 @@ int main(void)
         cmocka_unit_test(segments_are_the_runs_of_equal_actions_and_fill_the_horizon),
         cmocka_unit_test(a_change_cut_by_the_horizon_aims_at_its_part_of_the_way),
         cmocka_unit_test(a_change_under_way_ends_when_it_was_going_to),
+        cmocka_unit_test(no_segment_after_the_rest_of_a_change_is_too_short_to_move_in),
         cmocka_unit_test(a_change_that_is_given_up_or_goes_on_is_not_finished),
         cmocka_unit_test(off_the_road_the_steps_slow_down_to_a_stop),
     };

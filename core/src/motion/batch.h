@@ -25,6 +25,7 @@ enum {
 /// The candidates of one segment: legs x offsets.
 typedef struct vg_batch {
     uint32_t start, last;      ///< instants of the trajectory; the leg covers (start, last]
+    double   lateral_s;        ///< [s] from the start in which the offset is reached
     bool     in_lane;          ///< the offset term is active
     double   aim;              ///< [m] offset of the line from which it is measured
     vg_comfort comfort;

@@ -141,6 +141,7 @@ void vg_leg_link_by_distance(vg_leg* leg, const vg_state* start, double distance
 static void link(vg_leg* leg, const vg_axis_state* here, double shortest, double offset,
                  double speed)
 {
+    VERGE_ASSERT(shortest > 0.0);
     double least = VG_HUGE;
     leg->span = shortest;
     for (double span = shortest; span <= link_stretch_max * shortest && least > 1.0;

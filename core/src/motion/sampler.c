@@ -249,6 +249,7 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
     if (!state.valid) {
         return false;
     }
+    const double T = def->point_s * (batch->last - start);
     batch->start = start;
     batch->in_lane = !vg_action_changes_lane(segment->action);
     batch->aim = batch->in_lane ? segment->d : 0.0;
@@ -259,8 +260,8 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
                                    1.0 / vg_max(def->comfort_braking, -1.05 * a),
                                    1.0 / vg_max(def->comfort_lateral, 1.05 * lateral),
                                    1.0 / def->comfort_jerk };
-    vg_target_sample(batch, job, &ws->limits, segment, path, lane, &state,
-                     def->point_s * (batch->last - start), chain->tracks, chain->emergency);
+    vg_target_sample(batch, job, &ws->limits, segment, path, lane, &state, T, chain->tracks,
+                     chain->emergency);
     vg_batch_run(batch, def, &job->vehicle->habit.weights, chain->tracks, job->track_index);
     ws->evaluated += batch->leg_count * batch->offset_count;
     return true;
@@ -298,7 +299,7 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
             const vg_profile* profile = &batch->legs[best / batch->offset_count].profile;
             if (batch->start == 0) {
                 const vg_leg* leg = &batch->legs[best / batch->offset_count];
-                ws->lateral_end = leg->by_distance ? job->def->point_s * batch->last : leg->span;
+                ws->lateral_end = leg->by_distance ? batch->lateral_s : leg->span;
             }
             ws->lane = lane;
             ws->s = vg_profile_at(profile, job->def->point_s * (batch->last - batch->start)).s;

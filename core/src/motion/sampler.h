@@ -17,6 +17,7 @@ typedef struct vg_segment {
     verge_action action;
     uint32_t lane;         ///< index of the reference lane: the lane changed to, or the lane kept
     double   s, d, v;      ///< [m], [m], [m/s] expected at t1, in `lane`
+    double   rest;         ///< [s] at the end, without lateral motion
 } vg_segment;
 
 /// One vehicle's planning task. Reads only; several jobs may share road, def and tracks.

@@ -21,8 +21,8 @@ static const double lateral_slope = 0.5;
 static const double lateral_speed = 1.0;
 // Shortest duration of the rest of a lane change. [s]
 static const double finish_min = 1.0;
-// No segment after it is shorter than this: hardly any motion fits into it. [s]
-static const double rest_min = 0.5;
+// No segment after it is shorter than this: what moves in less time, moves with a jolt. [s]
+static const double rest_min = 1.0;
 // Farther than this from the centre a lane change is in progress, as VG_CENTRED. [m]
 static const double finishing_from = 0.3;
 
@@ -97,6 +97,7 @@ static void set_end(const verge_road* road, const vg_expected* expected, uint32_
     }
     const vg_lane* lane = &road->lanes[start->lane];
     segment->action = (verge_action)action;
+    segment->rest = 0.0;
     segment->v = (double)last->v + part * (double)(end->v - last->v);
     segment->lane = start->lane;
     segment->d = kept_offset(expected, to - 1u);
@@ -169,9 +170,8 @@ void vg_segments_finish_change(const vg_expected* expected, uint32_t lane, doubl
     const verge_road* road = job->road;
     const double horizon = (double)(def->points - 1u) * def->point_s;
     const double least = vg_min(vg_max(left, finish_min), horizon);
-    const double end = horizon - least < rest_min ? horizon : least;
     uint32_t step = 1;
-    while (step < expected->step_count && expected->t[step] < end - 1e-9) {
+    while (step < expected->step_count && expected->t[step] < least - 1e-9) {
         ++step;
     }
     const vg_lane* here = &road->lanes[job->lane];
@@ -186,11 +186,13 @@ void vg_segments_finish_change(const vg_expected* expected, uint32_t lane, doubl
         return;
     }
     const uint32_t reference = crossed ? job->lane : lane;
-    uint32_t gone = 0; // segments that the rest of the change replaces
-    while (gone < job->segment_count && job->segments[gone].t1 <= end + 1e-9) {
+    // Segments that the rest of the change replaces, or of which too little is left after it.
+    uint32_t gone = 0;
+    while (gone < job->segment_count && job->segments[gone].t1 < least + rest_min - 1e-9) {
         ++gone;
     }
     const uint32_t kept = job->segment_count - gone;
+    const double end = kept > 0 ? least : horizon;
     memmove(&job->segments[1], &job->segments[gone], kept * sizeof job->segments[0]);
     job->segment_count = kept + 1u;
     if (kept > 0) {
@@ -205,6 +207,7 @@ void vg_segments_finish_change(const vg_expected* expected, uint32_t lane, doubl
         .lane = reference,
         .s = s0 + distance,
         .v = v,
+        .rest = end - least,
     };
     job->change_lane = (int32_t)reference;
 }

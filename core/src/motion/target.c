@@ -35,6 +35,7 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
     const double low = segment->d - half, high = segment->d + half;
     batch->offset_count = spread(batch->offsets, def->sample_offsets, low, segment->d, high);
 
+    batch->lateral_s = vg_max(T - segment->rest, def->point_s);
     const double points = batch->last - batch->start;
     for (uint32_t i = 0; i < batch->offset_count; ++i) {
         batch->offset_penalties[i] = changing || beside ? VG_DECISION_PULL_OFFSET * points
@@ -64,7 +65,7 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
         leg->path = path;
         leg->limits = limits;
         leg->profile = vg_profile_to_speed(start, vg_max(v1, 0.0), vg_max(stop, 1e-3));
-        vg_leg_link(leg, start, T, segment->d);
+        vg_leg_link(leg, start, batch->lateral_s, segment->d);
         batch->leg_penalties[i] = pull * points
                                 * vg_square(vg_max(v1, vg_min(v.centre, 0.0)) - v.centre);
     }

@@ -23,6 +23,7 @@ typedef struct world {
     void *memory, *stage;
     const verge_road* road;
     uint32_t count;
+    uint64_t steady; // vehicles (bits) that keep their speed, whatever is ahead
     verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     verge_lane_position positions[VERGE_VEHICLES_MAX];
     verge_scene scene;
@@ -178,7 +179,9 @@ static void drive(world* w, uint64_t held)
     look(w);
     for (uint32_t slot = 0; slot < w->model.count; ++slot) {
         const uint32_t i = w->model.input_index[slot];
-        speed[i] = (held >> i & 1u) != 0 ? 0.0 : speed_of(w, slot);
+        speed[i] = (held >> i & 1u) != 0        ? 0.0
+                   : (w->steady >> i & 1u) != 0 ? w->vehicles[i].speed
+                                                : speed_of(w, slot);
     }
     uint32_t kept = 0;
     for (uint32_t i = 0; i < w->count; ++i) {
@@ -521,6 +524,77 @@ static void priority_goes_before_arrival(void** state)
     }
 }
 
+// A major street (0) and a minor one (1) that cross; or, at equal rank, a red signal for lane 1.
+static world* ruled_crossing(bool red, verge_signal* signal)
+{
+    world* w = world_open();
+    verge_lane_def* major = add_straight(w, 0, -120.0, 0.0, 120.0, 0.0, -1);
+    verge_lane_def* minor = add_straight(w, 1, 0.0, -120.0, 0.0, 120.0, -1);
+    *signal = (verge_signal){ 1, VERGE_SIGNAL_RED, -1.0 };
+    if (red) {
+        minor->stop_line_given = true;
+        minor->stop_line = 114.0;
+    } else {
+        major->priority = VERGE_PRIORITY_MAJOR;
+        minor->priority = VERGE_PRIORITY_MINOR;
+    }
+    world_build(w);
+    if (red) {
+        w->scene.signals = signal;
+        w->scene.signal_count = 1;
+    }
+    return w;
+}
+
+// One that is far away, or brakes for the line, is expected to wait; one that is near and goes on
+// as before is not.
+static void a_driver_who_has_to_wait_and_does_not_brake_is_let_go(void** state)
+{
+    (void)state;
+    for (uint32_t red = 0; red < 2; ++red) {
+        verge_signal signal;
+        world* w = ruled_crossing(red != 0, &signal);
+        add(w, true, 0, 88.0, 10.0, VERGE_NO_LANE);
+        add(w, false, 1, 86.0, 10.0, VERGE_NO_LANE);
+        look(w);
+        assert_int_equal(w->order->rank[0], 1);
+        w->vehicles[1].acceleration = -2.0;
+        look(w);
+        assert_int_equal(w->order->rank[0], 0);
+        w->vehicles[1].acceleration = 0.0;
+        w->positions[1].s = 70.0; // it would have 40 m to stop in
+        look(w);
+        assert_int_equal(w->order->rank[0], 0);
+        world_close(w);
+    }
+}
+
+static void drivers_who_yield_to_nobody_are_not_run_into(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("lawless");
+    for (uint32_t round = 0; round < test_rounds(200); ++round) {
+        verge_signal signal;
+        world* w = ruled_crossing(round % 2 == 0, &signal);
+        const double speed = test_rng_between(&rng, 4.0, LIMIT);
+        const double away = test_rng_between(&rng, 40.0, 80.0);
+        add(w, true, 0, 120.0 - away, speed, VERGE_NO_LANE);
+        const double other = test_rng_between(&rng, 4.0, 12.0);
+        const double theirs = away * other / speed + test_rng_between(&rng, -15.0, 15.0);
+        add(w, false, 1, 120.0 - fmin(theirs, 115.0), other, VERGE_NO_LANE);
+        w->steady = 2;
+        for (uint32_t cycle = 0; cycle < 60 && w->count == 2; ++cycle) {
+            drive(w, 0);
+            if (w->count == 2 && overlaps(w) != 0) {
+                printf("round %u\n", round);
+                show(w);
+                fail();
+            }
+        }
+        world_close(w);
+    }
+}
+
 // A vehicle that has nothing to wait for and stands is found after three seconds, named and helped.
 static void a_vehicle_that_stands_without_a_cause_is_found(void** state)
 {
@@ -554,6 +628,8 @@ int main(void)
         cmocka_unit_test(the_end_of_a_lane_takes_one_of_each_lane_in_turn),
         cmocka_unit_test(a_red_signal_is_a_wall_and_a_green_one_is_not),
         cmocka_unit_test(priority_goes_before_arrival),
+        cmocka_unit_test(a_driver_who_has_to_wait_and_does_not_brake_is_let_go),
+        cmocka_unit_test(drivers_who_yield_to_nobody_are_not_run_into),
         cmocka_unit_test(a_vehicle_that_stands_without_a_cause_is_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -11,8 +11,15 @@
 static const float acceleration = 1.5f;
 // A vehicle that needs harder braking to stop before an area goes first. [m/s^2]
 static const float braking_planned = 3.0f;
+// The same where a vehicle that is not planned here cannot stop before it either. [m/s^2]
+static const float braking_needed = 6.0f;
 // Time between a planned vehicle that leaves an area and an uncontrolled one that arrives. [s]
 static const float encroachment = 1.0f;
+// One that has to wait, is this near to its line or would need this to stop, but brakes less than
+// half as hard as it needs, is not expected to wait. Nobody brakes visibly below 2 m/s.
+static const float brakes_within = 3.0f; // [s] at the present speed
+static const float braking_usual = 1.5f; // [m/s^2] with which drivers begin to brake for a line
+static const float crawling = 2.0f;      // [m/s]
 // An estimate of arrival that is later by more, or earlier by more, replaces the first one. A
 // vehicle that is at most so long away waits for its turn, and is not late. [s]
 static const double later = 3.0, earlier = 1.0;
@@ -41,11 +48,13 @@ typedef struct ranking {
     vg_order*       order;
     const vg_model* model;
     const vg_flow*  flow;
+    const verge_scene* scene;
     int32_t  leader[VERGE_VEHICLES_MAX]; // slot ahead on the route, -1 none
     float    ahead[VERGE_VEHICLES_MAX];  // [m] from centre to centre
     float    arrival[VERGE_VEHICLES_MAX]; // [s] at the first shared area
     double   key[VERGE_VEHICLES_MAX];    // [s]
     uint64_t must[VERGE_VEHICLES_MAX];   // slots (bits) that come before
+    uint64_t lets[VERGE_VEHICLES_MAX];   // slots (bits) in whose way it would be
 } ranking;
 
 static void find_leaders(ranking* self);
@@ -60,7 +69,7 @@ void vg_order_rank(vg_order* order, const vg_model* model, const vg_flow* flow,
                    const verge_scene* scene, verge_turns* turns, const verge_decision* decision)
 {
     VERGE_ASSERT(model->count <= order->vehicles_max);
-    ranking self = { .order = order, .model = model, .flow = flow };
+    ranking self = { .order = order, .model = model, .flow = flow, .scene = scene };
     find_leaders(&self);
     find_arrivals(&self);
     find_keys(&self, scene, turns);
@@ -325,13 +334,13 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
 enum { FREE, COMMITTED, INSIDE };
 
 // A vehicle well beyond its stop line is in the way of others as one in the area is.
-static uint32_t grade(const ranking* self, uint32_t slot, float enter, float margin)
+static uint32_t grade(const ranking* self, uint32_t slot, float enter, float margin, float braking)
 {
     const float v = self->flow->v[slot];
     const float distance = enter - 0.5f * margin - self->model->half_length[slot];
-    return distance <= 0.0f                            ? INSIDE
-           : v * v > 2.0f * braking_planned * distance ? COMMITTED
-                                                       : FREE;
+    return distance <= 0.0f                    ? INSIDE
+           : v * v > 2.0f * braking * distance ? COMMITTED
+                                               : FREE;
 }
 
 static bool merge_before(const ranking* self, uint32_t i, const vg_share* area)
@@ -349,8 +358,8 @@ static bool goes_first(const ranking* self, uint32_t i, const vg_share* area)
 {
     const uint32_t j = area->other;
     const float margin = vg_share_margin(area);
-    const uint32_t own = grade(self, i, area->enter, margin);
-    const uint32_t other = grade(self, j, area->other_enter, margin);
+    const uint32_t own = grade(self, i, area->enter, margin, braking_planned);
+    const uint32_t other = grade(self, j, area->other_enter, margin, braking_planned);
     if (area->kind == VG_SHARE_ZIP) {
         return false; // decided in zipper.c
     }
@@ -370,18 +379,37 @@ static bool goes_first(const ranking* self, uint32_t i, const vg_share* area)
     return theirs < mine || (theirs == mine && j < i);
 }
 
+// Does slot j wait before its part of an area for slot i, by the rules and as far as one sees? Far
+// from the area a vehicle need not show it yet.
+static bool will_wait(const ranking* self, uint32_t i, const vg_share* area)
+{
+    const uint32_t j = area->other;
+    const float red = self->order->courses[j].red;
+    const bool stops = red < area->other_enter;
+    if (!stops && (vg_order_yields(self->order, self->model, i, area->enter)
+                   || !vg_order_yields(self->order, self->model, j, area->other_enter))) {
+        return false;
+    }
+    const float line = stops ? red : area->other_enter - vg_share_margin(area);
+    const float distance = vg_maxf(line - self->model->half_length[j], 0.5f);
+    const float v = self->flow->v[j], needed = v * v / (2.0f * distance);
+    const double a = self->scene->vehicles[self->model->input_index[j]].acceleration;
+    const bool far = needed < braking_usual && (v < crawling || distance > brakes_within * v);
+    return far || a <= -0.5 * (double)needed;
+}
+
 // Would a planned vehicle be in the way of one that is not, and that keeps its speed?
 static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
 {
     const uint32_t j = area->other;
-    const float v = self->flow->v[j];
+    const float v = self->flow->v[j], margin = vg_share_margin(area);
     if (self->order->of_humans || !is_planned(self, i) || is_planned(self, j) || v < standing
-        || area->kind >= VG_SHARE_PART
-        || grade(self, i, area->enter, vg_share_margin(area)) != FREE) {
+        || area->kind >= VG_SHARE_PART || will_wait(self, i, area)) {
         return false;
     }
-    if (vg_order_yields(self->order, self->model, j, area->other_enter)
-        && !vg_order_yields(self->order, self->model, i, area->enter)) {
+    const bool late = grade(self, j, area->other_enter, margin, braking_planned) == COMMITTED;
+    const float braking = late ? braking_needed : braking_planned;
+    if (grade(self, i, area->enter, margin, braking) != FREE) {
         return false;
     }
     const float half = self->model->half_length[i], half_j = self->model->half_length[j];
@@ -396,8 +424,17 @@ static void find_facts(ranking* self)
         self->must[i] = self->order->before[i];
         self->must[i] |= self->leader[i] >= 0 ? (uint64_t)1 << self->leader[i] : 0;
         for (uint32_t k = 0; k < self->order->courses[i].share_count; ++k) {
-            if (goes_first(self, i, &shares[k]) || is_in_the_way(self, i, &shares[k])) {
-                self->must[i] |= (uint64_t)1 << shares[k].other;
+            const bool lets = is_in_the_way(self, i, &shares[k]);
+            self->lets[i] |= lets ? (uint64_t)1 << shares[k].other : 0;
+        }
+        self->must[i] |= self->lets[i];
+    }
+    for (uint32_t i = 0; i < self->model->count; ++i) {
+        const vg_share* shares = shares_of(self, i);
+        for (uint32_t k = 0; k < self->order->courses[i].share_count; ++k) {
+            const uint32_t j = shares[k].other;
+            if ((self->lets[j] >> i & 1u) == 0 && goes_first(self, i, &shares[k])) {
+                self->must[i] |= (uint64_t)1 << j;
             }
         }
     }

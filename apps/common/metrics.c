@@ -36,7 +36,8 @@ bool metrics_init(metrics* self, const world* world)
 {
     const uint32_t count = world->vehicle_count;
     *self = (metrics){ .vehicle_count = count, .min_distance = INFINITY,
-                       .min_center_gap = INFINITY, .min_ttc = INFINITY };
+                       .min_center_gap = INFINITY, .min_ttc = INFINITY,
+                       .reordered = NAN, .unstuck = NAN };
     self->vehicles = calloc(count + 1, sizeof *self->vehicles);
     self->touched = calloc((size_t)count * count + 1, sizeof *self->touched);
     self->road_directions = calloc(count + 1, sizeof *self->road_directions);
@@ -94,8 +95,13 @@ void metrics_tick(metrics* self, const world* world)
     }
 }
 
-void metrics_cycle(metrics* self, const verge_plan* plan, double ms)
+void metrics_cycle(metrics* self, const verge_plan* plan, const verge_counters* counters,
+                   double ms)
 {
+    if (counters != NULL) {
+        self->reordered = (double)counters->reordered;
+        self->unstuck = (double)counters->unstuck;
+    }
     ++self->cycles;
     self->fallbacks += plan->fallback_count;
     self->nodes += plan->search.nodes;
@@ -171,7 +177,9 @@ void metrics_write(FILE* out, const metrics* self, bool timing, const char* line
         { "max_abs_curvature", self->max_abs_curvature },
         { "fallbacks", (double)self->fallbacks },
         { "nodes_mean", self->nodes > 0 ? (double)self->nodes / (double)self->cycles
-                                        : (double)NAN }, // plans from a bus do not have it
+                                        : (double)NAN },
+        { "reordered", self->reordered },
+        { "unstuck", self->unstuck },
     };
     fprintf(out, "{\"success\":%s,%s", metrics_success(self) ? "true" : "false", line);
     counts_write(out, self, line);

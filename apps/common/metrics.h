@@ -22,9 +22,12 @@
 /// max_abs_*        over controlled vehicles, at each tick
 /// fallbacks        vehicle plans that were fallbacks
 /// nodes_mean       [1] search nodes a cycle
+/// reordered        circles of standing vehicles that the planner gave a new order
+/// unstuck          vehicles that stood for 3 s without a cause and that the planner let go first
 /// cycle_ms         [ms] of planning: p50, p99 (nearest rank), max
 ///
-/// A quantity without any measurement is infinite or NaN here, null in JSON.
+/// A quantity without any measurement is infinite or NaN here, null in JSON. Plans from a bus tell
+/// neither nodes nor standstills.
 #ifndef VERGE_APPS_METRICS_H
 #define VERGE_APPS_METRICS_H
 
@@ -54,6 +57,7 @@ typedef struct metrics {
     double   min_distance, min_center_gap, min_ttc;
     double   max_abs_acceleration, max_abs_jerk, max_abs_curvature;
     uint64_t fallbacks, nodes, cycles;
+    double   reordered, unstuck;
     double*  cycle_ms;
     uint32_t cycle_ms_count, cycle_ms_capacity;
 } metrics;
@@ -64,8 +68,10 @@ void metrics_free(metrics* self);
 
 /// Adds the state of the world at one tick.
 void metrics_tick(metrics* self, const world* world);
-/// One planning cycle. ms: how long it took [ms]; negative: not measured.
-void metrics_cycle(metrics* self, const verge_plan* plan, double ms);
+/// One planning cycle. counters: of the planner, after it; null: not known. ms: how long it took
+/// [ms]; negative: not measured.
+void metrics_cycle(metrics* self, const verge_plan* plan, const verge_counters* counters,
+                   double ms);
 
 bool   metrics_success(const metrics* self);
 /// The paper's success: every intention reached and no contact; the state at the end has no

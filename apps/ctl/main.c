@@ -245,6 +245,38 @@ static void show_faults(const json_at* root)
     }
 }
 
+/// A counter that a daemon of an older version may not have.
+static int64_t counted(const json_at* counters, const char* key)
+{
+    return json_integer_or(counters, key, 0, INT64_MAX / 2, 0);
+}
+
+/// Of the accepted states, those that are used without what they do not say.
+static void show_lacking(const json_at* counters)
+{
+    const int64_t target = counted(counters, "states_unknown_target");
+    const int64_t incomplete = counted(counters, "states_incomplete");
+    if (target > 0) {
+        printf("; %" PRId64 " with an unknown target", target);
+    }
+    if (incomplete > 0) {
+        printf("; %" PRId64 " without heading or speed", incomplete);
+    }
+}
+
+/// Messages refused because of their sender, by reason.
+static void show_strangers(const json_at* root)
+{
+    const json_at strangers = json_member(root, "strangers");
+    const cJSON* member = NULL;
+    cJSON_ArrayForEach(member, strangers.node)
+    {
+        if (member->valuedouble > 0) {
+            printf(", %.0f %s", member->valuedouble, member->string);
+        }
+    }
+}
+
 static void show_status(const json_at* root)
 {
     const json_at of = json_member(root, "status");
@@ -265,8 +297,13 @@ static void show_status(const json_at* root)
            " deadline misses\n", real(&of, "cycle_us_last") * 1e-3,
            real(&of, "cycle_us_p99") * 1e-3, real(&of, "cycle_us_max") * 1e-3,
            whole(&of, "deadline_misses"));
-    printf("  plans            %" PRId64 " sent, %" PRId64 " of them fallbacks\n",
-           whole(&of, "plans_sent"), whole(&of, "fallbacks"));
+    const json_at counters = json_member(root, "counters");
+    printf("  plans            %" PRId64 " sent, %" PRId64 " of them fallbacks, %" PRId64
+           " for late ones; %" PRId64 " cancelled\n",
+           whole(&of, "plans_sent"), whole(&of, "fallbacks"), counted(&counters, "overruns"),
+           counted(&counters, "plans_cancelled"));
+    printf("  standstills      %" PRId64 " circles reordered, %" PRId64 " vehicles unstuck\n",
+           counted(&counters, "reordered"), counted(&counters, "unstuck"));
     printf("  states           %" PRId64 " accepted", whole(&of, "rx_accepted"));
     const cJSON* member = NULL;
     cJSON_ArrayForEach(member, of.node)
@@ -277,12 +314,26 @@ static void show_status(const json_at* root)
             printf(", %.0f %s", member->valuedouble, member->string + 3);
         }
     }
+    show_lacking(&counters);
+    printf("\n  messages         %" PRId64 " received, %" PRId64 " sent, %" PRId64
+           " bus errors, %" PRId64 " of other channels, %" PRId64 " senders lost",
+           counted(&counters, "bus_received"), counted(&counters, "bus_published"),
+           counted(&counters, "bus_errors"), counted(&counters, "bus_foreign"),
+           counted(&counters, "bus_lost"));
+    show_strangers(root);
     printf("\n  lost             %" PRId64 " lines of the log, %" PRId64 " events of the recording",
            json_integer_or(root, "log_dropped", 0, INT64_MAX / 2, 0),
            json_integer_or(root, "record_dropped", 0, INT64_MAX / 2, 0));
-    printf("\n  planner memory   %.1f of %.1f MB used at most, %" PRId64 " nodes\n",
+    printf("\n  planner memory   %.1f of %.1f MB used at most, %" PRId64 " nodes, %" PRId64
+           " iterations without room\n",
            real(&of, "arena_peak_bytes") * 1e-6, real(&of, "arena_size_bytes") * 1e-6,
-           whole(&of, "nodes_peak"));
+           whole(&of, "nodes_peak"), counted(&counters, "unexpanded"));
+    printf("  candidates       %" PRId64 " trajectories\n", counted(&counters, "candidates"));
+    const int64_t refused = counted(&counters, "cycles_refused");
+    const int64_t unusable = counted(&counters, "vehicles_unusable");
+    if (refused > 0 || unusable > 0) {
+        printf("  planner refused  %" PRId64 " cycles, %" PRId64 " vehicles\n", refused, unusable);
+    }
 }
 
 static void show_vehicles(const json_at* root)

@@ -126,7 +126,8 @@ static bool plan_cycle(drive* self)
     if (self->world.tick == 0) {
         first_search(self);
     }
-    metrics_cycle(&self->metrics, self->plan, -1.0);
+    const verge_counters counters = verge_planner_counters(self->scene.planner);
+    metrics_cycle(&self->metrics, self->plan, &counters, -1.0);
     for (uint32_t i = 0; i < self->plan->vehicle_count; ++i) {
         world_follow(&self->world, &self->plan->vehicles[i], world_time(&self->world));
     }

@@ -418,7 +418,7 @@ static void gather(publisher* self, const verge_vehicle_plan_t* message,
 static void gather_end(publisher* self)
 {
     if (self->gathered.vehicle_count > 0) {
-        metrics_cycle(&self->metrics, &self->gathered, -1.0);
+        metrics_cycle(&self->metrics, &self->gathered, NULL, -1.0);
         if (self->run != NULL) {
             run_write_bus_plan(self->run, &self->world, &self->gathered, &self->origin);
         }

@@ -15,6 +15,7 @@ void cycle_init(cycle* self, const cycle_def* def)
     self->def = *def;
     inbox_init(&self->inbox, &def->limits, def->vehicles_max, def->controlled_max);
     inbox_set_map(&self->inbox, def->map_crc32);
+    self->planner_counters = verge_planner_counters(def->planner);
 }
 
 void cycle_swap(cycle* self, const cycle_def* def)
@@ -29,6 +30,7 @@ void cycle_swap(cycle* self, const cycle_def* def)
     self->inbox.vehicles_max = def->vehicles_max;
     self->inbox.controlled_max = def->controlled_max;
     inbox_review(&self->inbox, verge_planner_road(def->planner));
+    self->planner_counters = verge_planner_counters(def->planner);
 }
 
 bool cycle_offer(cycle* self, const transport_message* message)
@@ -142,6 +144,7 @@ void cycle_plan(cycle* self)
 
 // ---- end ----------------------------------------------------------------------------------
 
+static void count_planner(cycle* self);
 static void make_cancellations(cycle* self);
 static void make_plans(cycle* self);
 static void finish_messages(cycle* self, int64_t number);
@@ -150,7 +153,7 @@ static void keep_valid(cycle* self);
 
 void cycle_end(cycle* self)
 {
-    self->planner_counters = verge_planner_counters(self->def.planner);
+    count_planner(self);
     self->counters.planned += self->view.controlled_count > 0 ? 1 : 0;
     self->counters.refused += self->status != VERGE_OK ? 1 : 0;
     self->message_count = 0;
@@ -158,6 +161,18 @@ void cycle_end(cycle* self)
     make_plans(self);
     finish_messages(self, self->number);
     keep_valid(self);
+}
+
+/// Adds what the step added to the planner's counters, which begin at 0 again with each planner.
+static void count_planner(cycle* self)
+{
+    const verge_counters before = self->planner_counters;
+    const verge_counters now = verge_planner_counters(self->def.planner);
+    self->counters.unexpanded += now.unexpanded - before.unexpanded;
+    self->counters.candidates += now.candidates - before.candidates;
+    self->counters.reordered += now.reordered - before.reordered;
+    self->counters.unstuck += now.unstuck - before.unstuck;
+    self->planner_counters = now;
 }
 
 /// The index of a vehicle in the view; view.count when it is not there.

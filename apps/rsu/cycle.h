@@ -39,6 +39,8 @@ typedef struct cycle_counters {
     uint64_t cancelled; ///< cancellations made
     uint64_t unusable;  ///< vehicles removed from a cycle: the planner refuses their values
     uint64_t refused;   ///< cycles the planner refused as a whole: 0 unless verge has a defect
+    // As in verge_counters, but of all planners that the cycle has had.
+    uint64_t unexpanded, candidates, reordered, unstuck;
 } cycle_counters;
 
 /// A cycle may cancel every plan of the one before and issue a whole set of new ones.

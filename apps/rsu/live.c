@@ -268,7 +268,7 @@ static int open_descriptors(live* self)
     return 0;
 }
 
-static operators_view view(void* context);
+static report_input view(void* context);
 static reload_result reload(void* context, uint64_t* ticket, const char** reason);
 
 /// Opens what serves operators. Then everything is allocated, and memory is locked.
@@ -590,21 +590,19 @@ static void send_messages(live* self)
 
 // ---- operators ----------------------------------------------------------------------------
 
-static operators_view view(void* context)
+static report_input view(void* context)
 {
     live* self = context;
     const instant at = instant_now();
     count_dropped(self);
-    return (operators_view){
+    return (report_input){
         .config = self->now.config,
         .cycle = &self->cycle,
         .status = monitor_message(&self->monitor, at),
-        .details = {
-            .faults = status_faults(&self->status, at.now),
-            .log_dropped = self->status.log_dropped,
-            .record_dropped = self->status.record_dropped,
-        },
         .bus = buses_statistics(&self->now.buses),
+        .faults = status_faults(&self->status, at.now),
+        .log_dropped = self->status.log_dropped,
+        .record_dropped = self->status.record_dropped,
     };
 }
 

@@ -41,6 +41,7 @@ static void log_over_capacity(monitor* self, instant at);
 static void log_foreign(monitor* self);
 static void log_refusals(monitor* self);
 static void log_lacking(monitor* self);
+static void log_standstills(monitor* self);
 static void log_expiry(monitor* self, instant at);
 static void notify_manager(monitor* self, instant at);
 
@@ -51,6 +52,7 @@ void monitor_each_second(monitor* self, instant at)
     log_over_capacity(self, at);
     log_refusals(self);
     log_lacking(self);
+    log_standstills(self);
     log_foreign(self);
     log_expiry(self, at);
     monitor_publish(self, at);
@@ -155,6 +157,20 @@ static void log_lacking(monitor* self)
     self->lacking = lacking;
 }
 
+/// At most one line a second: vehicles that stood without a cause or for one another, which the
+/// planner has given another order. Their plans name the cause (why, code blocked).
+static void log_standstills(monitor* self)
+{
+    const cycle_counters* made = &self->cycle->counters;
+    const uint64_t standstills = made->reordered + made->unstuck;
+    if (standstills > self->standstills) {
+        log_event(LOG_WARNING, "standstill",
+                  "new=%" PRIu64 " reordered=%" PRIu64 " unstuck=%" PRIu64,
+                  standstills - self->standstills, made->reordered, made->unstuck);
+    }
+    self->standstills = standstills;
+}
+
 /// Once a day: certificates or permissions end soon.
 static void log_expiry(monitor* self, instant at)
 {
@@ -182,15 +198,22 @@ static void notify_manager(monitor* self, instant at)
 void monitor_log_statistics(const monitor* self, instant at)
 {
     const verge_rsu_status_t status = monitor_message(self, at);
+    const transport_stats stats = buses_statistics(&self->setup->buses);
+    const cycle_counters* made = &self->cycle->counters;
+    const inbox_counters* rx = &self->cycle->inbox.counters;
     char faults[RSU_FAULTS_SIZE];
     rsu_fault_names(status_faults(self->status, at.now), faults);
     log_event(LOG_ALWAYS, "statistics",
               "state=%s faults=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
               "cycle_us_max=%d deadline_misses=%d plans=%d fallbacks=%d overruns=%" PRIu64
-              " rx_accepted=%d arena_peak_bytes=%" PRId64 " nodes_peak=%d",
+              " cancelled=%" PRIu64 " unusable=%" PRIu64 " refused=%" PRIu64 " reordered=%" PRIu64
+              " unstuck=%" PRIu64 " rx_accepted=%d unknown_target=%" PRIu64
+              " incomplete=%" PRIu64 " bus_errors=%" PRIu64
+              " arena_peak_bytes=%" PRId64 " nodes_peak=%d unexpanded=%" PRIu64,
               rsu_state_name((rsu_state)status.state), faults, status.cycle, status.vehicles_seen,
               status.vehicles_controlled, status.cycle_us_p99, status.cycle_us_max,
-              status.deadline_misses, status.plans_sent, status.fallbacks,
-              self->cycle->counters.overruns, status.rx_accepted, status.arena_peak_bytes,
-              status.nodes_peak);
+              status.deadline_misses, status.plans_sent, status.fallbacks, made->overruns,
+              made->cancelled, made->unusable, made->refused, made->reordered, made->unstuck,
+              status.rx_accepted, rx->unknown_target, rx->incomplete, stats.errors,
+              status.arena_peak_bytes, status.nodes_peak, made->unexpanded);
 }

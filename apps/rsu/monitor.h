@@ -26,6 +26,7 @@ typedef struct monitor {
     uint32_t     faults;        ///< active at that time, bits 1 << rsu_fault
     uint64_t     refusals;      ///< refused states already in the log
     uint64_t     lacking;       ///< incomplete states already in the log
+    uint64_t     standstills;   ///< reordered and unstuck, already in the log
     uint64_t     over_capacity; ///< refused for want of room, already in the log
     uint64_t     version;       ///< of an unknown protocol_version, already in the log
     uint64_t     other_map;     ///< messages made with another road, already in the log
@@ -39,8 +40,8 @@ verge_rsu_status_t monitor_message(const monitor* self, instant at);
 void monitor_publish(monitor* self, instant at);
 /// Sends it if the state or the active faults have changed since the last one.
 void monitor_update(monitor* self, instant at);
-/// Once a second: logs errors of buses, losses, refused states and certificates that end soon, and
-/// sends the status.
+/// Once a second: logs errors of buses, losses, refused states, standstills and certificates that
+/// end soon, and sends the status.
 void monitor_each_second(monitor* self, instant at);
 /// Logs all counters on one line.
 void monitor_log_statistics(const monitor* self, instant at);

@@ -87,10 +87,10 @@ static bool on_reload(const operators_def* def, uint64_t* ticket, text* answer)
 static bool on_control(void* context, const char* request, uint64_t* ticket, text* answer)
 {
     const operators_def* def = &((operators*)context)->def;
-    const operators_view view = def->view(def->context);
+    const report_input view = def->view(def->context);
     const char* word = request != NULL ? request : "";
     if (strcmp(word, "status") == 0) {
-        report_status(answer, view.config, &view.status, &view.details);
+        report_status(answer, &view);
     } else if (strcmp(word, "vehicles") == 0) {
         report_vehicles(answer, view.cycle);
     } else if (strcmp(word, "plans") == 0) {
@@ -121,8 +121,8 @@ static bool on_scrape(void* context, const char* request, uint64_t* ticket, text
              : get             ? "404 Not Found"
                                : "405 Method Not Allowed");
     if (here) {
-        const operators_view view = def->view(def->context);
-        report_metrics(answer, &view.status, &view.details, view.cycle, &view.bus);
+        const report_input view = def->view(def->context);
+        report_metrics(answer, &view);
     }
     return true;
 }
@@ -139,9 +139,9 @@ void operators_write(operators* self)
                   strerror(error));
     }
     self->metrics_error_logged = error;
-    const operators_view view = self->def.view(self->def.context);
+    const report_input view = self->def.view(self->def.context);
     text out = text_in(buffer, sizeof buffer);
-    report_metrics(&out, &view.status, &view.details, view.cycle, &view.bus);
+    report_metrics(&out, &view);
     outlet_put(self->metrics_out, out.bytes, out.size); // while the disk is slow, some are left out
 }
 

@@ -17,19 +17,10 @@
 
 enum { OPERATORS_ENDS = 2 * SERVER_ENDS };
 
-/// The present values.
-typedef struct operators_view {
-    const config*      config;
-    const cycle*       cycle;
-    verge_rsu_status_t status;
-    report_details      details;
-    transport_stats    bus;
-} operators_view;
-
 /// What the answers are made from.
 typedef struct operators_def {
     void*          context;
-    operators_view (*view)(void* context);
+    report_input  (*view)(void* context); ///< the present values
     /// *ticket 0: begins a reload and sets its ticket. Returns its result so far; if it was
     /// refused, *reason says why.
     reload_result  (*reload)(void* context, uint64_t* ticket, const char** reason);

@@ -4,26 +4,89 @@
 #include "common/message_json.h"
 
 #include <inttypes.h>
+#include <string.h>
 
-void report_status(text* out, const config* config, const verge_rsu_status_t* status,
-                   const report_details* details)
+/// A counter that the status message has no field for.
+typedef struct counter {
+    const char* name;
+    uint64_t    value;
+    const char* help;
+} counter;
+enum { COUNTERS = 16 };
+
+static void counters_of(const report_input* from, counter rows[COUNTERS])
 {
+    const cycle_counters* made = &from->cycle->counters;
+    const inbox_counters* states = &from->cycle->inbox.counters;
+    const transport_stats* bus = &from->bus;
+    const counter all[COUNTERS] = {
+        { "cycles_planned", made->planned, "Cycles with a vehicle to plan." },
+        { "cycles_refused", made->refused, "Cycles that the planner refused: a defect of verge." },
+        { "overruns", made->overruns, "Of the plans sent, those that replaced a late one." },
+        { "plans_cancelled", made->cancelled, "Cancellations of plans." },
+        { "vehicles_unusable", made->unusable,
+          "Vehicles left out of a cycle, because the planner refuses their values." },
+        { "reordered", made->reordered, "Circles of standing vehicles that got a new order." },
+        { "unstuck", made->unstuck, "Vehicles that stood without a cause and go first now." },
+        { "states_unknown_target", states->unknown_target,
+          "States with a target lane that the road does not have; used without it." },
+        { "states_incomplete", states->incomplete,
+          "States without heading or speed; used as those of obstacles." },
+        { "candidates", made->candidates, "Trajectories evaluated." },
+        { "unexpanded", made->unexpanded,
+          "Iterations of the search without a new node, because the tree was full." },
+        { "bus_received", bus->received, "Messages received." },
+        { "bus_published", bus->published, "Messages sent." },
+        { "bus_foreign", bus->foreign, "Messages received of other channels or topics." },
+        { "bus_errors", bus->errors, "Failed sends and receives." },
+        { "bus_lost", bus->lost, "DDS: senders that left or fell silent, and missed deadlines." },
+    };
+    memcpy(rows, all, sizeof all);
+}
+
+static void add_counters(text* out, const report_input* from)
+{
+    counter rows[COUNTERS];
+    counters_of(from, rows);
+    text_add(out, ",\"counters\":{");
+    for (uint32_t i = 0; i < COUNTERS; i++) {
+        text_add(out, "%s\"%s\":%" PRIu64, i > 0 ? "," : "", rows[i].name, rows[i].value);
+    }
+    text_add(out, "}");
+}
+
+static void add_strangers_json(text* out, const transport_stats* bus)
+{
+    text_add(out, ",\"strangers\":{");
+    for (int i = TRANSPORT_ADMITTED + 1; i < TRANSPORT_REFUSALS; i++) {
+        text_add(out, "%s\"%s\":%" PRIu64, i > TRANSPORT_ADMITTED + 1 ? "," : "",
+                 transport_refusal_name((transport_refusal)i), bus->refused[i]);
+    }
+    text_add(out, "}");
+}
+
+void report_status(text* out, const report_input* from)
+{
+    const verge_rsu_status_t* status = &from->status;
     char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
-    config_bus_list(config, buses, sizeof buses);
+    config_bus_list(from->config, buses, sizeof buses);
     text_add(out, "{\"version\":\"%s\",\"state\":\"%s\",\"fault\":\"%s\",\"faults\":[",
              VERGE_VERSION_STRING, message_rsu_state(status->state),
              message_rsu_fault(status->fault));
     const char* comma = "";
     for (int32_t fault = RSU_FAULT_COUNT - 1; fault > RSU_FAULT_NONE; fault--) {
-        if ((details->faults & 1u << fault) != 0) {
+        if ((from->faults & 1u << fault) != 0) {
             text_add(out, "%s\"%s\"", comma, message_rsu_fault(fault));
             comma = ",";
         }
     }
     text_add(out, "],\"bus\":");
     text_add_string(out, buses);
-    text_add(out, ",\"cycle_ms\":%u,\"log_dropped\":%" PRIu64 ",\"record_dropped\":%" PRIu64
-             ",\"status\":", config->cycle_ms, details->log_dropped, details->record_dropped);
+    text_add(out, ",\"cycle_ms\":%u,\"log_dropped\":%" PRIu64 ",\"record_dropped\":%" PRIu64,
+             from->config->cycle_ms, from->log_dropped, from->record_dropped);
+    add_counters(out, from);
+    add_strangers_json(out, &from->bus);
+    text_add(out, ",\"status\":");
     message_json(out, TRANSPORT_STATUS, status);
     text_add(out, "}\n");
 }
@@ -166,9 +229,20 @@ static void add_arena(text* out, const verge_rsu_status_t* status)
              status->arena_peak_bytes);
 }
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const report_details* details,
-                    const cycle* cycle, const transport_stats* bus)
+static void add_totals(text* out, const report_input* from)
 {
+    counter rows[COUNTERS];
+    counters_of(from, rows);
+    for (uint32_t i = 0; i < COUNTERS; i++) {
+        text_add(out, "# HELP verge_%s_total %s\n# TYPE verge_%s_total counter\n"
+                 "verge_%s_total %" PRIu64 "\n", rows[i].name, rows[i].help, rows[i].name,
+                 rows[i].name, rows[i].value);
+    }
+}
+
+void report_metrics(text* out, const report_input* from)
+{
+    const verge_rsu_status_t* status = &from->status;
     head(out, "verge_build_info", "gauge", "Always 1; the labels give version and configuration.");
     text_add(out, "verge_build_info{version=\"%s\",rsu_id=\"%" PRId32 "\",map_crc32=\"%08" PRIx32
              "\",config_crc32=\"%08" PRIx32 "\"} 1\n", VERGE_VERSION_STRING, status->rsu_id,
@@ -179,9 +253,9 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const report_de
            "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.", status->state);
     single(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge(7).",
            status->fault);
-    add_faults(out, details->faults);
+    add_faults(out, from->faults);
     single(out, "verge_cycles_total", "counter", "Planning cycles begun.",
-           (int64_t)cycle->number + 1);
+           (int64_t)from->cycle->number + 1);
     single(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",
            status->vehicles_seen);
     single(out, "verge_vehicles_controlled", "gauge", "Of the vehicles seen, those planned.",
@@ -193,17 +267,15 @@ void report_metrics(text* out, const verge_rsu_status_t* status, const report_de
            status->plans_sent);
     single(out, "verge_fallbacks_total", "counter", "Of the plans sent, fallbacks.",
            status->fallbacks);
-    single(out, "verge_overruns_total", "counter",
-           "Of the plans sent, those that replaced a late one.",
-           (int64_t)cycle->counters.overruns);
     single(out, "verge_log_dropped_total", "counter",
            "Lines of the log that were lost: it was not read, or could not be written.",
-           (int64_t)details->log_dropped);
+           (int64_t)from->log_dropped);
     single(out, "verge_record_dropped_total", "counter",
            "Events missing in the recording, for the same reasons.",
-           (int64_t)details->record_dropped);
+           (int64_t)from->record_dropped);
     add_received(out, status);
-    add_strangers(out, bus);
+    add_strangers(out, &from->bus);
+    add_totals(out, from);
     add_arena(out, status);
     single(out, "verge_nodes_peak", "gauge", "The most nodes that the search tree had.",
            status->nodes_peak);

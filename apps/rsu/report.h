@@ -1,5 +1,5 @@
 /// The answers for operators: JSON for verge-ctl, the text format of Prometheus for metrics. The
-/// numbers are those of the status message.
+/// numbers are those of the status message, and the counters that it has no field for.
 ///
 /// Memory      Only that of the text.
 /// Threads     Everything is only read; cycle_plan() may be running in another thread.
@@ -13,25 +13,29 @@
 #include "common/text.h"
 
 /// [B] Enough for the largest answer: the plans of VERGE_CONTROLLED_MAX vehicles.
-enum { REPORT_SIZE = 256 << 10, REPORT_METRICS_SIZE = 8 << 10 };
+enum { REPORT_SIZE = 256 << 10, REPORT_METRICS_SIZE = 16 << 10 };
 
-/// What the status message has no field for.
-typedef struct report_details {
-    uint32_t faults;         ///< all active ones, bits 1 << rsu_fault
-    uint64_t log_dropped;    ///< lines
-    uint64_t record_dropped; ///< events
-} report_details;
+/// What an answer is made of.
+typedef struct report_input {
+    const config*      config;
+    const cycle*       cycle;
+    verge_rsu_status_t status;         ///< the message of this moment
+    transport_stats    bus;            ///< of all buses
+    uint32_t           faults;         ///< all active ones, bits 1 << rsu_fault
+    uint64_t           log_dropped;    ///< lines
+    uint64_t           record_dropped; ///< events
+} report_input;
 
 /// {"version":…, "state":…, "fault":…, "faults":[…], "bus":…, "cycle_ms":…, "log_dropped":…,
-/// "record_dropped":…, "status":{the message}}. The faults are ordered, the worst first.
-void report_status(text* out, const config* config, const verge_rsu_status_t* status,
-                   const report_details* details);
+/// "record_dropped":…, "counters":{…}, "strangers":{…}, "status":{the message}}. The faults are
+/// ordered, the worst first. "counters": what the message has no field for; NAME is the metric
+/// verge_NAME_total. "strangers": messages refused because of their sender, by reason.
+void report_status(text* out, const report_input* from);
 /// {"utime":…, "vehicles":[…]}: the vehicles of the last cycle, at its instant.
 void report_vehicles(text* out, const cycle* cycle);
 /// {"plans":[…]}: the plans that are valid.
 void report_plans(text* out, const cycle* cycle);
 
-void report_metrics(text* out, const verge_rsu_status_t* status, const report_details* details,
-                    const cycle* cycle, const transport_stats* bus);
+void report_metrics(text* out, const report_input* from);
 
 #endif

@@ -141,7 +141,8 @@ static bool plan_cycle(simulation* self)
                 verge_status_text(status));
         return false;
     }
-    metrics_cycle(&self->metrics, plan, ms);
+    const verge_counters counters = verge_planner_counters(self->scene->planner);
+    metrics_cycle(&self->metrics, plan, &counters, ms);
     for (uint32_t i = 0; i < plan->vehicle_count; ++i) {
         world_follow(&self->world, &plan->vehicles[i], world_time(&self->world));
     }

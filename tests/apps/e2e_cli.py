@@ -17,7 +17,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 COLUMNS = ["t", "x", "y", "heading", "speed", "acceleration", "curvature", "jerk"]
 METRICS = ["success", "collisions", "finish_time", "reached_time", "min_distance",
            "min_center_gap", "min_ttc", "max_abs_acceleration", "max_abs_jerk",
-           "max_abs_curvature", "fallbacks", "nodes_mean"]
+           "max_abs_curvature", "fallbacks", "nodes_mean", "reordered", "unstuck"]
 
 
 def run(program, *arguments, status=0):
@@ -212,6 +212,28 @@ def check_bench(program):
     run(program, "--quick", "--seed", "one", status=2)
 
 
+def check_standing_vehicles(folder, sim_program):
+    """A ring so full of standing vehicles that all wait for one another: counted as a circle."""
+    def at(angle):
+        return [8.1 * math.cos(angle), 8.1 * math.sin(angle)]
+    lanes = [{"id": half, "centerline": [at(math.pi * (half + k / 16)) for k in range(17)],
+              "width": 3.5, "speed_limit": 8, "successors": [1 - half]} for half in (0, 1)]
+    vehicles = []
+    for number in range(8):
+        angle = math.tau * (number + 0.25) / 8
+        x, y = at(angle)
+        vehicles.append({"id": number, "control": "controlled", "x": x, "y": y, "speed": 0,
+                         "heading": math.remainder(angle + math.pi / 2, math.tau),
+                         "acceleration": 0, "length": 5, "width": 2})
+    path = os.path.join(folder, "ring.json")
+    with open(path, "w", encoding="utf-8") as file:
+        json.dump({"format": "verge-scenario/1", "name": "ring", "road": {"lanes": lanes},
+                   "vehicles": vehicles, "simulation": {"duration": 4}}, file)
+    metrics = json.loads(run(sim_program, path))["metrics"]
+    assert metrics["reordered"] > 0, metrics
+    os.remove(path)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--bin", required=True)
@@ -249,6 +271,7 @@ def main():
                      scenario["planner"].get("seed", 1))
         check_replay_with_signals(folder, os.path.join(options.scenarios, "roundabout.json"), {
             name: os.path.join(options.bin, f"verge-{name}") for name in ("sim", "replay")})
+        check_standing_vehicles(folder, sim_program)
         check_bench(os.path.join(options.bin, "verge-bench"))
         scene = os.path.abspath(path)
         programs = [os.path.abspath(os.path.join(options.bin, f"verge-{name}"))

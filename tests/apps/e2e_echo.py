@@ -6,14 +6,17 @@ Every case is a function whose name is its claim. Exit status 77: skipped, as in
 vehicles and bus these are.
 """
 import json
+import math
 import signal
 import subprocess
 import sys
 import time
+import urllib.request
 
 import e2e_lcm
 from daemon_rig import check
 from e2e_lcm import SOURCE, URL, Bus, Daemon, three_and_a_human
+from e2e_operators import figures, free_port
 
 
 class Echo:
@@ -168,6 +171,98 @@ def verge_ctl_shows_vehicles_and_plans(rig):
         check(rsu.stop()[1] == 0, "stops")
 
 
+class Standing(e2e_lcm.Vehicle):
+    """Stands, whatever its plan says. A heading of None: it sends neither heading nor speed."""
+
+    def __init__(self, number, x, y, heading=0.0, **more):
+        super().__init__(number, x, 0, speed=0.0, **more)
+        self.y, self.heading = y, heading
+
+    def now(self):
+        state = super().now()
+        if self.heading is None:
+            state.heading = state.speed = math.nan
+        else:
+            state.heading = self.heading
+        return state
+
+
+# One lane after another: only on such a road are standing vehicles watched.
+STREET = {"lanes": [
+    {"id": 0, "centerline": [[0, 0], [900, 0]], "width": 3.75, "speed_limit": 25.0, "left": None,
+     "right": None, "successors": [1]},
+    {"id": 1, "centerline": [[900, 0], [1900, 0]], "width": 3.75, "speed_limit": 25.0,
+     "left": None, "right": None}]}
+
+
+def ring(radius=8.1):
+    """A ring of two lanes, and as many standing vehicles as leave no room to begin."""
+    def at(angle):
+        return [radius * math.cos(angle), radius * math.sin(angle)]
+    lanes = [{"id": half, "centerline": [at(math.pi * (half + k / 16)) for k in range(17)],
+              "width": 3.5, "speed_limit": 8.0, "left": None, "right": None,
+              "successors": [1 - half]} for half in (0, 1)]
+    angles = [math.tau * (i + 0.25) / 8 for i in range(8)]
+    return {"lanes": lanes}, [Standing(i + 1, *at(angle), math.remainder(angle + math.pi / 2, math.tau))
+                              for i, angle in enumerate(angles)]
+
+
+def counters_of(rig):
+    return json.loads(ctl(rig, "status", "--json")[1])["counters"]
+
+
+def drive_until(bus, vehicles, condition, what):
+    until = time.monotonic() + 20
+    while not condition():
+        check(time.monotonic() < until, f"not within 20 s: {what}")
+        bus.drive(vehicles, 0.5)
+
+
+def what_the_status_message_has_no_field_for_is_counted(rig):
+    port = free_port()
+    served = {"control": "rsu.sock", "metrics": {"listen": f"127.0.0.1:{port}"}, "road": STREET}
+    config = rig.config(**served)
+    with Daemon(rig, config) as rsu:
+        bus = Bus()
+        lost = Standing(1, 100, 0.0, target=77) # a lane that the road does not have
+        blind = Standing(2, 200, 0.0, None)
+        gone = e2e_lcm.Vehicle(3, 300, 0)
+        bus.drive([lost, blind, gone], 0.5)
+        bus.lcm.publish("SOMETHING_ELSE", b"hello")
+        drive_until(bus, [lost, blind], lambda: counters_of(rig)["unstuck"] == 1, "it stood for 3 s")
+        counters = counters_of(rig)
+        for name in ("states_unknown_target", "states_incomplete", "plans_cancelled", "candidates",
+                     "cycles_planned", "bus_received", "bus_published", "bus_foreign"):
+            check(counters[name] > 0, f"{name}: {counters}")
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+            values = figures(answer.read().decode())
+        check(all(values[f"verge_{name}_total"] >= count for name, count in counters.items()),
+              f"{counters} {values}")
+        check(values["verge_unstuck_total"] == 1, f"{values}")
+        _, out, _ = ctl(rig, "status")
+        for words in ("0 circles reordered, 1 vehicles unstuck", " with an unknown target; ", " without heading or speed"):
+            check(words in out, f"{words}: {out}")
+        rsu.wait_for("event=standstill new=1 reordered=0 unstuck=1")
+        rsu.signal(signal.SIGUSR1)
+        rsu.wait_for("event=statistics")
+        check(" unstuck=1 " in rsu.text() and " cancelled=0 " not in rsu.text(), rsu.text())
+        # A new configuration brings a new planner; what was counted stays.
+        rig.config(**served, rsu_id=6)
+        check(ctl(rig, "reload")[0] == 0, "accepted")
+        drive_until(bus, [lost], lambda: counters_of(rig)["unstuck"] == 2, "with the new planner")
+        check(rsu.stop()[1] == 0, "stops")
+
+
+def a_circle_of_standing_vehicles_is_counted(rig):
+    road, vehicles = ring()
+    with Daemon(rig, rig.config(control="rsu.sock", road=road)) as rsu:
+        bus = Bus()
+        drive_until(bus, vehicles, lambda: counters_of(rig)["reordered"] > 0, "all wait")
+        check("0 circles" not in ctl(rig, "status")[1], "for people")
+        rsu.wait_for("event=standstill")
+        check(rsu.stop()[1] == 0, "stops")
+
+
 CASES = [
     what_is_on_the_bus_is_printed_and_summed_up,
     as_json_every_field_is_what_was_sent,
@@ -176,6 +271,8 @@ CASES = [
     refused_senders_are_reported_with_the_reason,
     wrong_use_has_its_exit_codes,
     verge_ctl_shows_vehicles_and_plans,
+    what_the_status_message_has_no_field_for_is_counted,
+    a_circle_of_standing_vehicles_is_counted,
 ]
 
 if __name__ == "__main__":

@@ -147,6 +147,7 @@ def control_sequences_of_a_server_do_not_reach_the_terminal(rig):
     status = dict(good, version=evil, state=evil, bus=evil, faults=[evil])
     status["status"] = dict(good["status"], config_crc32=evil, map_crc32=evil)
     status["status"]["rx_" + evil] = 5
+    status["strangers"] = {evil: 5}
     plan = {"vehicle_id": 1, "status": 0, "cycle": 1, "points": [], evil: evil,
             "actions": [{"action": 99, "t1_ms": 1}]}
     vehicle = {"id": 1, "plan": evil, "age_ms": 1, "lane": 0, "target_lane": 0, "x": 0, "y": 0,
@@ -230,7 +231,8 @@ NAMES = ["verge_build_info", "verge_start_time_seconds", "verge_state", "verge_f
          "verge_cycles_total", "verge_vehicles_seen", "verge_vehicles_controlled",
          'verge_cycle_seconds{stat="p99"}', "verge_deadline_misses_total",
          "verge_plans_sent_total", "verge_fallbacks_total", "verge_log_dropped_total",
-         "verge_record_dropped_total", "verge_overruns_total",
+         "verge_record_dropped_total", "verge_overruns_total", "verge_reordered_total",
+         "verge_unstuck_total", "verge_states_unknown_target_total", "verge_bus_errors_total",
          'verge_rx_total{result="accepted"}', 'verge_rx_total{result="id_conflict"}',
          'verge_strangers_total{reason="forged"}', 'verge_arena_bytes{stat="size"}', "verge_nodes_peak"]
 

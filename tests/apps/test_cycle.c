@@ -56,11 +56,10 @@ static verge_planner_def def_small(void)
     return def;
 }
 
-static unit* unit_start(void)
+static unit* unit_start_with(verge_planner_def def)
 {
     unit* self = calloc(1, sizeof *self);
     assert_non_null(self);
-    const verge_planner_def def = def_small();
     const size_t size = (verge_planner_memory_size(&def) + 63) / 64 * 64;
     assert_true(size > 0);
     self->memory = aligned_alloc(64, size);
@@ -74,6 +73,11 @@ static unit* unit_start(void)
     };
     cycle_init(&self->cycle, &how);
     return self;
+}
+
+static unit* unit_start(void)
+{
+    return unit_start_with(def_small());
 }
 
 static void unit_end(unit* self)
@@ -887,6 +891,59 @@ static void test_overruns_do_not_change_a_plan(void** state)
     unit_end(late);
 }
 
+/// One lane after another. Only on a road of several lanes in sequence are standing vehicles watched.
+static verge_planner_def def_street(void)
+{
+    static const double first[][2] = { { 0.0, 0.0 }, { 300.0, 0.0 } };
+    static const double second[][2] = { { 300.0, 0.0 }, { 600.0, 0.0 } };
+    static const verge_lane_def lanes[] = {
+        { .id = 0, .points = first, .point_count = 2, .width = 3.75, .speed_limit = 20.0,
+          .left = VERGE_NO_LANE, .right = VERGE_NO_LANE, .successors = { 1 },
+          .successor_count = 1 },
+        { .id = 1, .points = second, .point_count = 2, .width = 3.75, .speed_limit = 20.0,
+          .left = VERGE_NO_LANE, .right = VERGE_NO_LANE },
+    };
+    verge_planner_def def = def_small();
+    def.road.lanes = lanes;
+    return def;
+}
+
+/// A controlled vehicle stands on the free road and follows no plan, for four seconds.
+static void stand(unit* self, double from)
+{
+    for (int32_t k = 0; k < 8; ++k) {
+        const double t = from + 0.5 * k;
+        verge_vehicle_state_t state = state_at(2, t, true);
+        state.x = 100.0;
+        state.speed = 0.0f;
+        assert_true(offer(self, &state, t));
+        cycle_run(&self->cycle, k, instant(t));
+    }
+}
+
+static void test_counters_of_the_planner_go_on_with_another_planner(void** state)
+{
+    (void)state;
+    unit* self = unit_start_with(def_street());
+    stand(self, 1.0);
+    assert_int_equal(self->cycle.counters.unstuck, 1);
+    assert_int_equal(self->cycle.counters.reordered, 0);
+    const uint64_t candidates = self->cycle.counters.candidates;
+    assert_true(candidates > 0);
+    unit* other = unit_start_with(def_street());
+    cycle_def def = self->cycle.def;
+    def.planner = other->planner;
+    cycle_swap(&self->cycle, &def);
+    assert_int_equal(self->cycle.counters.unstuck, 1);
+    stand(self, 5.0);
+    assert_int_equal(self->cycle.counters.unstuck, 2);
+    assert_int_equal(verge_planner_counters(other->planner).unstuck, 1);
+    assert_int_equal(self->cycle.counters.candidates,
+                     candidates + verge_planner_counters(other->planner).candidates);
+    unit_end(other);
+    unit_end(self);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -914,6 +971,7 @@ int main(void)
         cmocka_unit_test(test_overruns_do_not_change_a_plan),
         cmocka_unit_test(test_the_ring_of_cycle_times_gives_the_nearest_rank),
         cmocka_unit_test(test_the_pool_runs_every_task_once_and_waits_for_it),
+        cmocka_unit_test(test_counters_of_the_planner_go_on_with_another_planner),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

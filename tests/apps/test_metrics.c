@@ -259,6 +259,31 @@ static void test_extremes_are_those_of_controlled_vehicles(void** state)
     close_stage(&self);
 }
 
+/// What metrics_write() prints, in a static buffer.
+static const char* written(const metrics* self)
+{
+    static char text[2048];
+    FILE* out = fmemopen(text, sizeof text, "w");
+    assert_non_null(out);
+    metrics_write(out, self, false, "");
+    assert_int_equal(fclose(out), 0);
+    return text;
+}
+
+static void test_standstills_are_those_of_the_planner_and_null_where_it_is_not_known(void** state)
+{
+    (void)state;
+    static const verge_plan plan;
+    stage self;
+    open_stage(&self);
+    metrics_cycle(&self.metrics, &plan, NULL, -1.0); // from a bus
+    assert_non_null(strstr(written(&self.metrics), "\"reordered\":null,\"unstuck\":null"));
+    metrics_cycle(&self.metrics, &plan, &(verge_counters){ .reordered = 1, .unstuck = 2 }, -1.0);
+    metrics_cycle(&self.metrics, &plan, &(verge_counters){ .reordered = 1, .unstuck = 3 }, -1.0);
+    assert_non_null(strstr(written(&self.metrics), "\"reordered\":1,\"unstuck\":3"));
+    close_stage(&self);
+}
+
 static int by_value(const void* a, const void* b)
 {
     const double x = *(const double*)a, y = *(const double*)b;
@@ -304,6 +329,7 @@ int main(void)
         cmocka_unit_test(test_the_gap_is_measured_across_the_road_however_a_body_is_turned),
         cmocka_unit_test(test_slower_vehicles_beside_or_behind_have_no_time_to_collision),
         cmocka_unit_test(test_extremes_are_those_of_controlled_vehicles),
+        cmocka_unit_test(test_standstills_are_those_of_the_planner_and_null_where_it_is_not_known),
         cmocka_unit_test(test_a_percentile_is_the_smallest_value_enough_others_do_not_exceed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

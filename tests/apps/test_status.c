@@ -1,5 +1,6 @@
 /// Goal: every active fault is listed, the worst first, in the status message, in the metrics and
-/// in the text. A fault ends when its time is over, a lasting one when it is cleared.
+/// in the text. A fault ends when its time is over, a lasting one when it is cleared. Every counter
+/// without a field in the status message is in the answers for operators.
 /// Method: all 128 sets of faults; the test supplies the time.
 #include "check.h"
 
@@ -56,17 +57,16 @@ static void test_programs_get_the_same_list(void** state)
     static char   bytes[REPORT_SIZE];
     for (unsigned set = 0; set < SETS; ++set) {
         const status self = with_faults(set, 0);
-        const transport_stats bus = { .received = 0 };
-        const verge_rsu_status_t message = status_message(&self, &config, &cycle, &bus, 1, 1);
-        const report_details details = { .faults = status_faults(&self, 1), .log_dropped = 7,
-                                         .record_dropped = 8 };
+        report_input from = { .config = &config, .cycle = &cycle, .log_dropped = 7,
+                              .record_dropped = 8, .faults = status_faults(&self, 1) };
+        from.status = status_message(&self, &config, &cycle, &from.bus, 1, 1);
         text out = text_in(bytes, sizeof bytes);
-        report_status(&out, &config, &message, &details);
+        report_status(&out, &from);
         json_file file;
         assert_true(json_file_parse(&file, "status", out.bytes, out.size));
         const json_at root = json_root(&file);
         const json_at faults = json_member(&root, "faults");
-        assert_string_equal(json_string(&root, "fault"), message_rsu_fault(message.fault));
+        assert_string_equal(json_string(&root, "fault"), message_rsu_fault(from.status.fault));
         assert_int_equal(json_integer(&root, "log_dropped", 0, 100), 7);
         assert_int_equal(json_integer(&root, "record_dropped", 0, 100), 8);
         const cJSON* name = faults.node->child;
@@ -80,7 +80,7 @@ static void test_programs_get_the_same_list(void** state)
         json_file_free(&file);
 
         out = text_in(bytes, REPORT_METRICS_SIZE);
-        report_metrics(&out, &message, &details, &cycle, &bus);
+        report_metrics(&out, &from);
         assert_false(out.cut);
         for (int fault = 1; fault < RSU_FAULT_COUNT; ++fault) {
             char line[80];
@@ -90,6 +90,64 @@ static void test_programs_get_the_same_list(void** state)
         }
         assert_non_null(strstr(bytes, "\nverge_log_dropped_total 7\n"));
         assert_non_null(strstr(bytes, "\nverge_record_dropped_total 8\n"));
+    }
+}
+
+static void test_counters_without_a_field_in_the_message_are_in_the_answers(void** state)
+{
+    (void)state;
+    static config config = { .cycle_ms = 500 };
+    static cycle  cycle;
+    static char   bytes[REPORT_SIZE];
+    report_input from = { .config = &config, .cycle = &cycle };
+    const struct { const char* name; uint64_t* value; } counters[] = {
+        { "cycles_planned", &cycle.counters.planned },
+        { "cycles_refused", &cycle.counters.refused },
+        { "overruns", &cycle.counters.overruns },
+        { "plans_cancelled", &cycle.counters.cancelled },
+        { "vehicles_unusable", &cycle.counters.unusable },
+        { "reordered", &cycle.counters.reordered },
+        { "unstuck", &cycle.counters.unstuck },
+        { "states_unknown_target", &cycle.inbox.counters.unknown_target },
+        { "states_incomplete", &cycle.inbox.counters.incomplete },
+        { "candidates", &cycle.counters.candidates },
+        { "unexpanded", &cycle.counters.unexpanded },
+        { "bus_received", &from.bus.received },
+        { "bus_published", &from.bus.published },
+        { "bus_foreign", &from.bus.foreign },
+        { "bus_errors", &from.bus.errors },
+        { "bus_lost", &from.bus.lost },
+    };
+    enum { COUNT = sizeof counters / sizeof counters[0] };
+    for (uint64_t i = 0; i < COUNT; ++i) {
+        *counters[i].value = 5000000000u + i; // more than 32 bits
+    }
+    from.bus.refused[TRANSPORT_REPLAYED] = 3;
+
+    text out = text_in(bytes, sizeof bytes);
+    report_status(&out, &from);
+    json_file file;
+    assert_true(json_file_parse(&file, "status", out.bytes, out.size));
+    const json_at root = json_root(&file);
+    const json_at told = json_member(&root, "counters");
+    assert_int_equal(cJSON_GetArraySize(told.node), COUNT);
+    for (uint64_t i = 0; i < COUNT; ++i) {
+        assert_int_equal(json_integer(&told, counters[i].name, 0, INT64_MAX / 2), 5000000000u + i);
+    }
+    const json_at strangers = json_member(&root, "strangers");
+    assert_int_equal(json_integer(&strangers, transport_refusal_name(TRANSPORT_REPLAYED), 0, 9), 3);
+    json_file_free(&file);
+
+    out = text_in(bytes, REPORT_METRICS_SIZE);
+    report_metrics(&out, &from);
+    assert_false(out.cut);
+    for (uint64_t i = 0; i < COUNT; ++i) {
+        char line[100];
+        snprintf(line, sizeof line, "\nverge_%s_total %llu\n", counters[i].name,
+                 5000000000llu + i);
+        assert_non_null(strstr(bytes, line));
+        snprintf(line, sizeof line, "\n# TYPE verge_%s_total counter\n", counters[i].name);
+        assert_non_null(strstr(bytes, line));
     }
 }
 
@@ -128,6 +186,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_active_fault_is_listed_the_worst_first),
         cmocka_unit_test(test_programs_get_the_same_list),
+        cmocka_unit_test(test_counters_without_a_field_in_the_message_are_in_the_answers),
         cmocka_unit_test(test_a_fault_ends_with_its_time_and_a_lasting_one_when_cleared),
         cmocka_unit_test(test_stopping_goes_before_faults),
     };

@@ -903,6 +903,8 @@ const METRICS = {
   max_abs_jerk: ["Largest jerk", "m/s³", 2], max_abs_curvature: ["Largest curvature", "1/m", 4],
   nodes_mean: ["Nodes a cycle, mean", "", 0], collisions_human: ["Contacts among humans", "", 0],
   off_road: ["Off the road at the end", "", 0], standing: ["Standing at the end", "", 0],
+  reordered: ["Circles of standing vehicles", "", 0],
+  unstuck: ["Vehicles that stood without a cause", "", 0],
   cycle_ms: ["Planning a cycle, median", "ms", 1],
 };
 
@@ -935,7 +937,8 @@ function showMetrics() {
   }
   for (const [key, value] of Object.entries(metrics)) {
     const apart = ["success", "collisions", "fallbacks"].includes(key);
-    const unheard = key === "nodes_mean" && value === 0; // a run of verge-publish
+    const planner = ["nodes_mean", "reordered", "unstuck"].includes(key);
+    const unheard = planner && !known(value); // a run of verge-publish
     if (!apart && !unheard) {
       entries.push(metricEntry(key, value));
     }

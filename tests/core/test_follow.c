@@ -29,7 +29,7 @@ static void pair_make(pair* p, double curvature, double speed, double accelerati
     vg_path_build(&p->path, w->road, 1, -1, job->s - 30.0, job->s + 250.0);
     p->state = (vg_state){ job->s - AXLE, speed, acceleration, 0, 0, 0, true };
     p->following = (vg_following){ &p->path, &w->tracks, 0, AXLE, 0, w->def.points - 1,
-                                   w->def.point_s * (w->def.points - 1), GAP, 0.2, 0.0 };
+                                   w->def.point_s * (w->def.points - 1), GAP, 0.2, 0.0, 0.0 };
 }
 
 /// Bumper to bumper at the end of the segment, along the lane. [m]
@@ -97,11 +97,28 @@ static void test_a_body_beside_behind_or_crossing_is_not_followed(void** state)
     scene_free(p.w);
 }
 
+// Comes from the side, and moves along the path at the end.
+static void test_a_body_that_enters_behind_the_decided_place_is_not_followed(void** state)
+{
+    (void)state;
+    static pair p;
+    pair_make(&p, 0.0, 10.0, 0.0, 10.0, 3.0);
+    verge_track* track = &p.w->tracks.of[1];
+    p.following.driven = 30.0;
+    assert_true(vg_follow_speed(&p.following, &p.state, 2.0) < 10.0); // in the path all the time
+    track->y[0] += 8.0;
+    assert_true(vg_follow_speed(&p.following, &p.state, 2.0) >= VG_HUGE);
+    p.following.driven = 15.0; // decided to arrive behind it
+    assert_true(vg_follow_speed(&p.following, &p.state, 2.0) < 10.0);
+    scene_free(p.w);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_braking_from_the_follow_speed_ends_at_the_gap),
         cmocka_unit_test(test_a_body_beside_behind_or_crossing_is_not_followed),
+        cmocka_unit_test(test_a_body_that_enters_behind_the_decided_place_is_not_followed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

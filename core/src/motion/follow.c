@@ -12,6 +12,7 @@ static const double reach_reserve = 30.0;
 /// Shortest duration of a stop. [s]
 static const double stop_min = 1e-2;
 
+static bool in_path(const vg_following* f, const vg_state* from, const verge_track* other);
 static double distance_behind(const vg_following* f, const vg_state* from, const verge_track* other,
                               double reach, double* speed);
 static double end_speed(double distance, double leader, const vg_state* from, double T, double b);
@@ -22,7 +23,7 @@ vg_following vg_following_to_horizon(const verge_planner_def* def, const vg_path
 {
     const uint32_t last = def->points - 1;
     return (vg_following){ path, tracks, own, rear_axle, 0, last, def->point_s * last, def->idm_gap,
-                           def->clearance, 0.0 };
+                           def->clearance, 0.0, 0.0 };
 }
 
 double vg_follow_speed(const vg_following* f, const vg_state* from, double braking)
@@ -43,6 +44,19 @@ double vg_follow_speed(const vg_following* f, const vg_state* from, double braki
         }
     }
     return least;
+}
+
+/// Is the body in the path at the start of the segment, up to the turn of its heading?
+static bool in_path(const vg_following* f, const vg_state* from, const verge_track* other)
+{
+    const verge_track* own = &f->tracks->of[f->own];
+    const double x = other->x[f->start], y = other->y[f->start];
+    const vg_reference here = vg_path_at(f->path, from->s);
+    const double dx = x - here.x, dy = y - here.y;
+    const double s = vg_path_project(f->path, x, y, from->s + vg_sqrt(dx * dx + dy * dy));
+    const vg_reference at = vg_path_at(f->path, s);
+    const double d = (y - at.y) * at.cos_heading - (x - at.x) * at.sin_heading;
+    return vg_abs(d) <= own->half_width + other->half_length + f->clearance;
 }
 
 /// Distance up to the gap behind another body at the end of the segment [m], and the speed of that
@@ -72,6 +86,9 @@ static double distance_behind(const vg_following* f, const vg_state* from, const
     const double v = other->speed[f->last];
     if (vg_abs(d - f->offset) > own->half_width + reach_left + f->clearance
         || (vg_abs(along) < same_direction && vg_abs(v) > standing)) {
+        return VG_HUGE;
+    }
+    if (s < from->s + f->rear_axle + f->driven && !in_path(f, from, other)) {
         return VG_HUGE;
     }
     *speed = vg_abs(v) > standing ? v * along : vg_max(v * along, 0.0);

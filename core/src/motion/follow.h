@@ -26,6 +26,8 @@ typedef struct vg_following {
     double   gap;          ///< [m] between the bodies at standstill
     double   clearance;    ///< [m] lateral gap below which a body is in the path
     double   offset;       ///< [m] of the own body from the path at the end of the segment
+    double   driven;       ///< [m] decided for the segment: it leads past bodies that enter the path
+                           ///< behind it; 0: not known
 } vg_following;
 
 /// The inputs for a trajectory that stays on one path up to the horizon.
@@ -34,6 +36,7 @@ vg_following vg_following_to_horizon(const verge_planner_def* def, const vg_path
 
 /// Highest end speed [m/s] from which braking [m/s^2] keeps the gap to all bodies that are ahead at
 /// the start of the segment, are in the path at its end, and stand or move along it, either way.
+/// One that enters the path during the segment, behind where the own centre is then, is not ahead.
 /// Below zero: the vehicle has to stop earlier, after T v0 / (v0 - speed). VG_HUGE: no body is
 /// near.
 double vg_follow_speed(const vg_following* following, const vg_state* from, double braking);

@@ -46,7 +46,8 @@ void vg_target_sample(vg_batch* batch, const vg_job* job, const vg_limits* limit
     // A third of the speeds samples braking below the region, if the region has a lower floor.
     const vg_following following = { path, tracks, job->track_index, limits->rear_axle,
                                      batch->start, batch->last, T, def->idm_gap, def->clearance,
-                                     changing ? 0.0 : segment->d };
+                                     changing ? 0.0 : segment->d,
+                                     0.5 * T * (start->s_t + segment->v) };
     const region v = speed_region(job, segment, reference, &following, limits, start, emergency);
     double speeds[VERGE_SAMPLE_SPEEDS_MAX];
     const uint32_t braking = v.floor < v.low ? def->sample_speeds / 3 : 0;

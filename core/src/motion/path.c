@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-enum { PIECES_MAX = 32 };
+enum { PIECES_MAX = 32, SMOOTHING = 6 }; // points to either side that a knot is smoothed over
 static const double fade_length = 15.0;   // [m] over which a step fades
 static const double fade_per_metre = 20.0; // [m] more for every metre of step
 
@@ -27,6 +27,9 @@ typedef struct pieces {
     uint32_t before_count, behind_count;
 } pieces;
 
+static void set_knots(vg_path* path, const pieces* all);
+static void solve(vg_path* path);
+static void even_out(vg_path* path);
 static void collect_behind(pieces* all, const struct verge_road* road, uint32_t lane,
                            int32_t target, double s_to);
 static void collect_before(pieces* all, const struct verge_road* road, uint32_t lane,
@@ -72,12 +75,104 @@ void vg_path_build(vg_path* path, const struct verge_road* road, uint32_t lane, 
     path->knot_spacing = length / (double)(path->knot_count - 1);
     path->start = s_from;
     path->anchor = lane;
-    for (uint32_t i = 0; i < path->knot_count; ++i) {
-        path->h[i] = path->knot_spacing;
-        point_of(&all, s_from + path->knot_spacing * (double)i, &path->x[i], &path->y[i]);
-    }
+    set_knots(path, &all);
+    solve(path);
+    even_out(path);
+    solve(path);
+}
+
+static void solve(vg_path* path)
+{
     vg_spline_solve(path->x, path->h, path->knot_count, NULL, path->xss, path->work);
     vg_spline_solve(path->y, path->h, path->knot_count, NULL, path->yss, path->work);
+}
+
+/// Derivative of a cubic by its parameter at the start, in the middle and at the end of an interval.
+typedef struct slopes {
+    double from, middle, to;
+} slopes;
+
+static slopes slopes_of(const double* x, const double* xss, double h)
+{
+    const double mean = (x[1] - x[0]) / h;
+    return (slopes){ mean - h * (2.0 * xss[0] + xss[1]) / 6.0, mean + h * (xss[0] - xss[1]) / 24.0,
+                     mean + h * (xss[0] + 2.0 * xss[1]) / 6.0 };
+}
+
+static double hypotenuse(double x, double y)
+{
+    return vg_sqrt(x * x + y * y);
+}
+
+/// Length of the interval behind knot i, less the knot spacing. [m]
+static double excess_of(const vg_path* path, uint32_t i)
+{
+    const double h = path->knot_spacing;
+    const slopes x = slopes_of(&path->x[i], &path->xss[i], h);
+    const slopes y = slopes_of(&path->y[i], &path->yss[i], h);
+    return h * ((hypotenuse(x.from, y.from) + 4.0 * hypotenuse(x.middle, y.middle)
+                 + hypotenuse(x.to, y.to)) / 6.0 - 1.0);
+}
+
+/// Moves the knots along the path until they are one knot spacing of length apart, because speeds
+/// and bends are derivatives by the path coordinate. The knot at the start of the anchor stays, or
+/// the first one.
+static void even_out(vg_path* path)
+{
+    const double h = path->knot_spacing;
+    const uint32_t last = path->knot_count - 1u;
+    const uint32_t kept = (uint32_t)vg_clamp(-path->start / h, 0.0, (double)last);
+    double excess = 0.0; // of the length from the kept knot to knot i
+    for (uint32_t i = 0; i < kept; ++i) {
+        excess -= excess_of(path, i);
+    }
+    for (uint32_t i = 0; i <= last; ++i) {
+        const uint32_t k = i < last ? i : i - 1u;
+        const slopes x = slopes_of(&path->x[k], &path->xss[k], h);
+        const slopes y = slopes_of(&path->y[k], &path->yss[k], h);
+        const double dx = i < last ? x.from : x.to, dy = i < last ? y.from : y.to;
+        const double share = excess / vg_max(hypotenuse(dx, dy), 0.1);
+        path->h[i] = -share * dx; // all are moved afterwards: the slopes are those of now
+        path->work[i] = -share * dy;
+        excess += excess_of(path, k);
+    }
+    for (uint32_t i = 0; i <= last; ++i) {
+        path->x[i] += path->h[i];
+        path->y[i] += path->work[i];
+        path->h[i] = h;
+    }
+}
+
+/// The knots. Where a straight lane meets a bend, curvature begins at once, and no steering follows
+/// that. Smoothed, it begins over some metres. The shares are 2 B - B * B of the binomial shares
+/// B = (1, 6, 15, 20, 15, 6, 1) / 64: they leave parabolas as they are, so the path stays on the line of a
+/// bend, and its coordinate stays a length.
+static void set_knots(vg_path* path, const pieces* all)
+{
+    static const double shares[SMOOTHING + 1] = {
+        1636.0 / 4096.0, 1128.0 / 4096.0, 273.0 / 4096.0, -92.0 / 4096.0,
+        -66.0 / 4096.0, -12.0 / 4096.0, -1.0 / 4096.0,
+    };
+    double x[2 * SMOOTHING + 1] = { 0.0 }, y[2 * SMOOTHING + 1] = { 0.0 };
+    for (uint32_t i = 0; i < path->knot_count + 2u * SMOOTHING; ++i) {
+        for (uint32_t k = 0; k < 2 * SMOOTHING; ++k) {
+            x[k] = x[k + 1];
+            y[k] = y[k + 1];
+        }
+        const double s = path->start + path->knot_spacing * ((double)i - SMOOTHING);
+        point_of(all, s, &x[2 * SMOOTHING], &y[2 * SMOOTHING]);
+        if (i < 2 * SMOOTHING) {
+            continue;
+        }
+        const uint32_t knot = i - 2u * SMOOTHING;
+        path->h[knot] = path->knot_spacing;
+        path->x[knot] = shares[0] * x[SMOOTHING];
+        path->y[knot] = shares[0] * y[SMOOTHING];
+        for (uint32_t k = 1; k <= SMOOTHING; ++k) {
+            path->x[knot] += shares[k] * (x[SMOOTHING - k] + x[SMOOTHING + k]);
+            path->y[knot] += shares[k] * (y[SMOOTHING - k] + y[SMOOTHING + k]);
+        }
+    }
 }
 
 static void collect_behind(pieces* all, const struct verge_road* road, uint32_t lane,

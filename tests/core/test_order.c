@@ -188,6 +188,7 @@ static void drive(world* w, uint64_t held)
         verge_vehicle* v = &w->vehicles[i];
         verge_lane_position* at = &w->positions[i];
         at->s += 0.5 * (v->speed + speed[i]) * CYCLE;
+        v->acceleration = (speed[i] - v->speed) / CYCLE;
         v->speed = speed[i];
         const double length = verge_road_length(w->road, at->lane_id);
         const int32_t next =
@@ -254,8 +255,9 @@ static bool has_circle(const world* w)
 
 // ---------------------------------------------------------------------------- roads
 
-// Four arms: lanes k come in, 100 + k go out, 10 + 4 k + j lead from arm k to arm j.
-static world* crossing(double box)
+// Four arms, of the given priorities in turn: lanes k come in, 100 + k go out, 10 + 4 k + j lead
+// from arm k to arm j.
+static world* crossing_of(double box, const verge_priority priorities[2])
 {
     world* w = world_open();
     for (int32_t k = 0; k < 4; ++k) {
@@ -263,6 +265,7 @@ static world* crossing(double box)
         const double in[2] = { -0.5 * WIDTH * s, 0.5 * WIDTH * c }; // right of the way in
         verge_lane_def* lane = add_straight(w, k, far * c + in[0], far * s + in[1],
                                             box * c + in[0], box * s + in[1], -1);
+        lane->priority = priorities[k % 2];
         add_straight(w, 100 + k, box * c - in[0], box * s - in[1], far * c - in[0],
                      far * s - in[1], -1);
         for (int32_t j = 0; j < 4; ++j) {
@@ -283,6 +286,12 @@ static world* crossing(double box)
     }
     world_build(w);
     return w;
+}
+
+static world* crossing(double box)
+{
+    static const verge_priority none[2] = { VERGE_PRIORITY_NONE, VERGE_PRIORITY_NONE };
+    return crossing_of(box, none);
 }
 
 // A ring with four arms: 1 + k come in, 11 + k lead onto the ring, 21 + k from entry k to exit k + 1,
@@ -486,7 +495,90 @@ static void the_end_of_a_lane_takes_one_of_each_lane_in_turn(void** state)
     }
 }
 
-// What a lane's signal shows is a wall; without it there is none.
+// Who has passed the line of an arm with a stop sign without a stop at it; notes who has stopped.
+static int32_t passed_without_stop(const world* w, uint64_t* stopped)
+{
+    for (uint32_t i = 0; i < w->count; ++i) {
+        const verge_lane_position* at = &w->positions[i];
+        const verge_vehicle* v = &w->vehicles[i];
+        const bool sign = verge_road_priority(w->road, at->lane_id) == VERGE_PRIORITY_STOP;
+        const double left = verge_road_length(w->road, at->lane_id) - at->s - 0.5 * v->length;
+        if (sign && v->speed < 0.3 && left < 4.5) {
+            *stopped |= (uint64_t)1 << v->id;
+        }
+        if (sign && left < -0.5 && (*stopped >> v->id & 1u) == 0) {
+            return v->id;
+        }
+    }
+    return -1;
+}
+
+// Some of them are planned, some not. Each arm, or every second one, has a stop sign.
+static void everybody_stops_at_a_stop_sign_and_all_get_through(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("stop");
+    for (uint32_t round = 0; round < test_rounds(60); ++round) {
+        const verge_priority rules[2][2] = { { VERGE_PRIORITY_STOP, VERGE_PRIORITY_STOP },
+                                             { VERGE_PRIORITY_MAJOR, VERGE_PRIORITY_STOP } };
+        world* w = crossing_of(test_rng_between(&rng, 8.5, 14.0), rules[round % 2]);
+        const uint32_t count = 1 + test_rng_below(&rng, 8);
+        double left[4] = { 15.0, 25.0, 20.0, 18.0 };
+        for (uint32_t i = 0; i < count; ++i) {
+            const uint32_t arm = i % 4;
+            const int32_t to = (int32_t)(arm + 1u + test_rng_below(&rng, 3)) % 4;
+            const double length = verge_road_length(w->road, (int32_t)arm);
+            add(w, test_rng_below(&rng, 2) == 0, (int32_t)arm, length - left[arm] - 2.5,
+                test_rng_between(&rng, 3.0, 8.0), 100 + to);
+            left[arm] += test_rng_between(&rng, 12.0, 20.0);
+        }
+        uint64_t stopped = 0;
+        for (uint32_t cycles = 0; w->count > 0 && cycles < 240; ++cycles) {
+            drive(w, 0);
+            const int32_t passed = passed_without_stop(w, &stopped);
+            if (passed >= 0 || overlaps(w) > 0) {
+                show(w);
+                fail_msg("round %u: vehicle %d did not stop, or contact", round, passed);
+            }
+        }
+        if (w->count > 0) {
+            look(w);
+            show(w);
+            fail_msg("round %u: %u of %u vehicles did not arrive", round, w->count, count);
+        }
+        world_close(w);
+    }
+}
+
+static void who_stops_first_at_a_crossing_of_stop_signs_goes_first(void** state)
+{
+    (void)state;
+    static const verge_priority all[2] = { VERGE_PRIORITY_STOP, VERGE_PRIORITY_STOP };
+    test_rng rng = test_rng_seeded("all-way");
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
+        world* w = crossing_of(10.0, all);
+        const int32_t first = (int32_t)test_rng_below(&rng, 4);
+        const int32_t second = (first + 1 + 2 * (int32_t)test_rng_below(&rng, 2)) % 4;
+        const double left = test_rng_between(&rng, 8.0, 30.0);
+        const double later = left + test_rng_between(&rng, 15.0, 30.0);
+        const double length = verge_road_length(w->road, first);
+        add(w, test_rng_below(&rng, 2) == 0, second, length - later - 2.5, 6.0,
+            100 + (second + 2) % 4);
+        add(w, test_rng_below(&rng, 2) == 0, first, length - left - 2.5, 6.0,
+            100 + (first + 2) % 4);
+        bool gone = false;
+        for (uint32_t cycles = 0; !gone && cycles < 80; ++cycles) {
+            drive(w, 0);
+            if (getenv("SHOW")) { printf("round %u cycle %u\n", round, cycles); show(w); }
+            assert_int_equal(w->positions[0].lane_id, second); // added first
+            gone = w->positions[1].lane_id != first;
+        }
+        assert_true(gone);
+        world_close(w);
+    }
+}
+
+// What a lane's signal shows is a wall a metre before its line; without it there is none.
 static void a_red_signal_is_a_wall_and_a_green_one_is_not(void** state)
 {
     (void)state;
@@ -497,7 +589,7 @@ static void a_red_signal_is_a_wall_and_a_green_one_is_not(void** state)
     add(w, true, 0, 100.0, 8.0, VERGE_NO_LANE);
     look(w);
     const double length = verge_road_length(w->road, 0);
-    CHECK_NEAR(vg_order_wall(&w->model, &w->flow, 0), length - 100.0, 0.1);
+    CHECK_NEAR(vg_order_wall(&w->model, &w->flow, 0), length - 101.0, 0.1);
     assert_int_equal(vg_order_wall_why(&w->model, &w->flow, 0).why, VERGE_WHY_SIGNAL);
     signal.state = VERGE_SIGNAL_GREEN;
     look(w);
@@ -626,6 +718,8 @@ int main(void)
         cmocka_unit_test(nobody_stands_on_a_crossing_that_has_no_room_behind_it),
         cmocka_unit_test(an_area_behind_a_lane_boundary_has_an_order_too),
         cmocka_unit_test(the_end_of_a_lane_takes_one_of_each_lane_in_turn),
+        cmocka_unit_test(everybody_stops_at_a_stop_sign_and_all_get_through),
+        cmocka_unit_test(who_stops_first_at_a_crossing_of_stop_signs_goes_first),
         cmocka_unit_test(a_red_signal_is_a_wall_and_a_green_one_is_not),
         cmocka_unit_test(priority_goes_before_arrival),
         cmocka_unit_test(a_driver_who_has_to_wait_and_does_not_brake_is_let_go),

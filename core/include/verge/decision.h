@@ -54,7 +54,7 @@ typedef enum verge_why {
     VERGE_WHY_MERGE = 4,        ///< vehicle: goes first where lanes merge, one by one; lane: its
                                 ///< lane
     VERGE_WHY_LANE_END = 5,     ///< lane: it ends
-    VERGE_WHY_SIGNAL = 6,       ///< lane: its signal is red, or yellow
+    VERGE_WHY_SIGNAL = 6,       ///< lane: its signal is red or yellow, or about to be so
     VERGE_WHY_STOP_LINE = 7,    ///< lane: vehicles stop at its line before they go on
     VERGE_WHY_YIELD = 8,        ///< vehicle: has priority; lane: its lane
     VERGE_WHY_OBSTACLE = 9,     ///< vehicle: stands in the way without a cause, as a parked one
@@ -161,6 +161,8 @@ typedef struct verge_turn {
     int64_t standing; ///< [us] 0: it does not stand, or it is not its turn
     int64_t still;    ///< [us] since when it stands, for whatever reason; 0: it moves
     int64_t helped;   ///< [us] since when it goes first because nobody moved; 0: it does not
+    int64_t stopped;  ///< [us] since when it stands, or stood, at a stop sign; 0: it did not
+    int32_t stop_lane_id; ///< the lane of that sign
 } verge_turn;
 
 /// Who waits for conflict areas. Who comes first goes first, so this is kept from step to step.

@@ -67,8 +67,10 @@ verge_status verge_planner_step_for(uint64_t config, verge_planner* planner, int
 
 /// Sets the traffic signals as they are at utime, for the steps that follow, until they are set
 /// again. A later step counts the time to the next change from its own utime. A signal whose change
-/// has passed, with no newer state, counts as red. signals: in any order, copied; at most one a
-/// lane. signal_count 0: there are none, as at the start.
+/// has passed, with no newer state, counts as red. Within a plan, red is expected to change to
+/// green, and green and yellow to what stops a vehicle.
+/// signals: in any order, copied; at most one a lane. signal_count 0: there are none, as at the
+/// start.
 /// @retval VERGE_ERR_SIGNAL    see verge_signals_check(); the signals are unchanged
 /// @retval VERGE_ERR_ARGUMENT  a null pointer; the signals are unchanged
 verge_status verge_planner_set_signals(verge_planner* planner, int64_t utime,

@@ -27,8 +27,10 @@ typedef struct verge_human_rules {
 
 /// Moves every uncontrolled vehicle by dt [s], 0 < dt <= 1. A vehicle on the road follows the
 /// vehicle ahead in its lane by the IDM; its desired speed is the speed limit. The vehicle ahead
-/// may be a controlled one. It stops at red signals. In a conflict area the vehicle that comes
-/// first goes first, or the one with priority (verge_lane_def.priority); the others wait before it.
+/// may be a controlled one. It stops at red signals, by what they show and not by when that
+/// changes, and at stop signs (VERGE_PRIORITY_STOP) for 1 s. In a conflict area the vehicle that
+/// comes first goes first, or the one with priority (verge_lane_def.priority); the others wait
+/// before it.
 /// A vehicle off the road, or with a value that verge_scene_place() rejects, moves straight ahead.
 /// Controlled vehicles are not changed. vehicles: in any order. rules: null stands for zero-filled
 /// ones; read until the call returns.

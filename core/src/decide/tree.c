@@ -21,6 +21,10 @@ uint32_t vg_node_size(uint32_t vehicle_count, uint32_t controlled_count)
     return (uint32_t)sizeof(vg_metanode) + (state + 7u) / 8u * 8u;
 }
 
+// In a saved state a vehicle's lane says, too, whether it has stopped at its stop sign.
+static const uint32_t stopped_bit = 0x8000u;
+static_assert(VERGE_LANES_MAX <= 0x8000, "the highest bit of a saved lane is free");
+
 static uint32_t state_size(uint32_t vehicle_count, uint32_t controlled_count)
 {
     return vg_node_size(vehicle_count, controlled_count) - (uint32_t)sizeof(vg_metanode);
@@ -83,9 +87,23 @@ void vg_tree_save(const vg_search* self, uint32_t slot, const vg_flow* flow)
     to = put(to, flow->driven, controlled * sizeof(float));
     to = put(to, flow->previous, controlled);
     for (size_t i = 0; i < count; ++i) {
-        const uint16_t lane = (uint16_t)flow->lane[i];
+        const bool stopped = (flow->stopped >> i & 1u) != 0;
+        const uint16_t lane = (uint16_t)((uint32_t)flow->lane[i] | (stopped ? stopped_bit : 0u));
         memcpy(to + i * sizeof lane, &lane, sizeof lane);
     }
+}
+
+// Time from the root: the states of nodes and trails are those at the end of a step.
+static float time_of(const vg_search* self, uint32_t slot)
+{
+    const uint32_t nodes = self->tree->nodes_max;
+    const uint32_t steps =
+        slot < nodes ? self->tree->nodes[slot].depth : (slot - nodes) % VG_TRAIL_LENGTH;
+    float t = 0.0f;
+    for (uint32_t k = 0; k < steps; ++k) { // summed up as in vg_flow_advance()
+        t += (float)self->model->def->step_s;
+    }
+    return t;
 }
 
 void vg_tree_load(const vg_search* self, uint32_t slot, vg_flow* flow)
@@ -99,10 +117,13 @@ void vg_tree_load(const vg_search* self, uint32_t slot, vg_flow* flow)
     from = get(from, flow->credit, controlled * sizeof(float));
     from = get(from, flow->driven, controlled * sizeof(float));
     from = get(from, flow->previous, controlled);
+    flow->t = time_of(self, slot);
+    flow->stopped = 0;
     for (size_t i = 0; i < count; ++i) {
         uint16_t lane;
         memcpy(&lane, from + i * sizeof lane, sizeof lane);
-        flow->lane[i] = lane;
+        flow->lane[i] = lane & (uint16_t)~stopped_bit;
+        flow->stopped |= (lane & stopped_bit) != 0 ? (uint64_t)1 << i : 0;
     }
     vg_flow_derive(self->model, flow);
 }

@@ -138,10 +138,16 @@ static double distance_beside(const vg_workspace* ws, const vg_job* job, uint32_
 }
 
 /// Does the trajectory end much slower than decided, and slowly? Then its polynomials cannot follow
-/// the way: out from behind a body, or through a corner sharper than the steering allows.
+/// the way: out from behind a body, or through a corner sharper than the steering allows. A vehicle
+/// that has to stop or stand before is not hindered.
 static bool is_hindered(const vg_job* job, double speed)
 {
     const double decided = job->segments[job->segment_count - 1].v;
+    for (uint32_t i = 0; i < job->segment_count; ++i) {
+        if (job->segments[i].v < standing) {
+            return false;
+        }
+    }
     return decided > 2.0 * standing && speed < 0.75 * vg_min(decided, walking);
 }
 

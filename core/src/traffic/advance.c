@@ -4,6 +4,7 @@
 
 #include "traffic/goal.h"
 #include "traffic/humans.h"
+#include "traffic/order.h"
 #include "traffic/pairs.h"
 #include "traffic/reward.h"
 
@@ -29,6 +30,9 @@ void vg_flow_advance(const vg_model* model, const vg_flow* flow, const vg_moves*
         next->rate[slot] = flow->rate[slot];
         assign_lane(model, flow, next, slot, action);
     }
+    next->t = flow->t + (float)model->def->step_s;
+    next->stopped = flow->stopped;
+    vg_order_note_stops(model, next);
     vg_flow_earn(model, flow, moves, next, actions);
 }
 
@@ -44,6 +48,8 @@ void vg_flow_follow(const vg_model* model, const vg_flow* flow, double dt, vg_fl
     for (uint32_t slot = model->controlled_count; slot < model->count; ++slot) {
         assign_lane(model, flow, next, slot, VERGE_KEEP_SPEED);
     }
+    next->t = flow->t + (float)dt;
+    vg_order_note_stops(model, next);
 }
 
 void vg_flow_pass_ends(const vg_model* model, uint32_t slot, float rate, int32_t* lane,

@@ -17,6 +17,9 @@ static const float following_s = 5.0f, keeping_acceleration = 0.4f;
 // Above the limit where it is, a vehicle that leaves a slow place drives by at most this more.
 // [m/s^2]
 static const float limit_rise = 1.0f;
+// Braking with which a vehicle can stop when a red signal opens, and for how long it waits to be
+// sure of that. [m/s^2], [s]
+static const float opening_braking = 3.0f, opening_reserve = 0.3f;
 // Braking before the end of a lane: a vehicle that merges needs the lane to gain speed. [m/s^2]
 static const float end_braking = 4.0f;
 // Gap at standstill. [m]
@@ -161,6 +164,23 @@ static float stopping_speed(const vg_model* model, const vg_flow* flow, uint32_t
     return safe_speed(gap, 0.0f, v, dt, 0.0f, braking);
 }
 
+// Safe speed before a wall. At the instant when a red signal opens within the step, the vehicle can
+// still stop at its line, but need not have braked for it. [m/s]
+static float wall_speed(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const float dt = (float)model->def->step_s, v = flow->v[slot];
+    const vg_wall wall = vg_order_wall_why(model, flow, slot);
+    const float opens = wall.opens + opening_reserve;
+    if (opens >= dt) {
+        return stopping_speed(model, flow, slot, wall.distance, comfort_braking);
+    }
+    const float gap = wall.distance - model->half_length[slot] - v * opens;
+    const float then = safe_speed(gap, 0.0f, v, opens, 0.0f, opening_braking);
+    return vg_minf(vg_maxf(v + (then - v) * dt / opens, 0.0f),
+                   stopping_speed(model, flow, slot, vg_order_wall_beyond(model, flow, slot),
+                                  comfort_braking));
+}
+
 // The end of a lane that has to be left. [m] from the centre to the place where the front stops
 static float dead_end_ahead(const vg_model* model, const vg_flow* flow, uint32_t slot)
 {
@@ -201,8 +221,7 @@ static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* 
     const float limit = vg_minf(limit_at(model, flow, slot, station),
                                 vg_minf(flow->limit[slot], model->speed_max[slot])
                                     + limit_rise * dt);
-    moves->wall[slot] = stopping_speed(model, flow, slot, vg_order_wall(model, flow, slot),
-                                       comfort_braking);
+    moves->wall[slot] = wall_speed(model, flow, slot);
     const float free =
         vg_minf(following_speed(model, flow, keep, slot, 1.0f),
                 vg_minf(stopping_speed(model, flow, slot, dead_end_ahead(model, flow, slot),

@@ -53,6 +53,8 @@ typedef struct vg_flow {
     VG_ALIGNED float left_gap[VERGE_VEHICLES_MAX];  ///< [m] to the left lane's centre, 0: no change
     VG_ALIGNED float right_gap[VERGE_VEHICLES_MAX]; ///< [m] to the right lane's centre
     VG_ALIGNED float limit[VERGE_VEHICLES_MAX];     ///< [m/s] speed limit there, see vg_bin
+    float    t;       ///< [s] from the root
+    uint64_t stopped; ///< slots (bits) that stood at their stop sign since the root
     // Rewards of the controlled vehicles so far.
     float   credit[VERGE_CONTROLLED_MAX];   ///< [1] of lane and consistency parts of R_i
     float   driven[VERGE_CONTROLLED_MAX];   ///< [m] in the target lane

@@ -21,13 +21,12 @@ static const float merge_headway = 0.6f;
 static const float braking_last = 8.0f;
 // A box that is full binds vehicles that can still stop with this. [m/s^2]
 static const float braking_box = 3.0f;
-// Who stops with the front so far over the line of a signal has stopped at it. [m]
-static const float over_line = 2.0f;
 
-static_assert(VERGE_VEHICLES_MAX <= 255, "slots and ranks are bytes");
+static_assert(VERGE_VEHICLES_MAX <= 255 && VG_SHARES_MAX <= 255 && VG_LEGS_MAX <= 255,
+              "slots, ranks and counts are bytes");
 
 static void find_courses(vg_order* self, const vg_model* model, const vg_flow* flow,
-                         const verge_scene* scene);
+                         const verge_scene* scene, verge_turns* turns);
 static void find_shares(vg_order* self, const vg_model* model, const vg_flow* flow);
 static void bind(vg_order* self, const vg_model* model);
 
@@ -60,8 +59,10 @@ static bool has_areas(const vg_model* model, const vg_flow* flow, const verge_sc
     const verge_road* road = model->road;
     bool found = road->has_successors || road->conflicts_from[road->lane_count] > 0
                  || scene->signal_count > 0;
-    for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
-        found = found || road->lanes[flow->lane[slot]].dead_end;
+    for (uint32_t slot = 0; slot < model->count; ++slot) {
+        const vg_lane* lane = &road->lanes[flow->lane[slot]];
+        found = found || lane->priority == VERGE_PRIORITY_STOP
+                || (slot < model->controlled_count && lane->dead_end);
     }
     return found;
 }
@@ -74,14 +75,14 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
     model->order = self;
     self->slots = 0;
     self->reordered = self->unstuck = 0;
-    self->blocked = self->helped = 0;
+    self->blocked = self->helped = self->signs = 0;
     if (!has_areas(model, flow, scene)) {
         if (turns != NULL) {
             turns->count = 0;
         }
         return;
     }
-    find_courses(self, model, flow, scene);
+    find_courses(self, model, flow, scene, turns);
     find_shares(self, model, flow);
     vg_order_zip(self, model, flow);
     vg_order_rank(self, model, flow, scene, turns, decision);
@@ -225,35 +226,8 @@ static void find_boxes(vg_course* course, const verge_road* road, float half)
     }
 }
 
-// The first signal ahead that stops the slot. It stops nobody who cannot stop at its line any more:
-// at red with hard braking, at yellow with comfortable braking. Who is a little over the line, and
-// slow enough to stop there, stays.
-static void find_red(vg_course* course, const vg_model* model, const vg_flow* flow,
-                     const verge_scene* scene, uint32_t slot)
-{
-    course->red = VG_FAR_AWAY;
-    for (uint32_t k = 0; scene->signal_count > 0 && k < course->leg_count; ++k) {
-        const vg_route_leg* leg = &course->legs[k];
-        const vg_lane* lane = &model->road->lanes[leg->lane];
-        const verge_signal* signal = verge_scene_signal(scene, lane->id);
-        if (signal == NULL || signal->state == VERGE_SIGNAL_GREEN
-            || signal->state == VERGE_SIGNAL_OFF) {
-            continue;
-        }
-        const float line = vg_on_leg(leg, (float)vg_lane_station(lane, lane->stop_line));
-        const float gap = line - model->half_length[slot];
-        const float braking = signal->state == VERGE_SIGNAL_RED ? braking_last : braking_box;
-        const float room = gap >= 0.0f ? gap : gap + over_line;
-        if (room >= 0.0f && can_stop(flow->v[slot], room, braking)) {
-            course->red = line;
-            course->red_lane = leg->lane;
-            return;
-        }
-    }
-}
-
 static void find_courses(vg_order* self, const vg_model* model, const vg_flow* flow,
-                         const verge_scene* scene)
+                         const verge_scene* scene, verge_turns* turns)
 {
     const vg_local* local = model->pairs->local;
     memset(self->through, 0, VERGE_LANES_NEAR_MAX * sizeof self->through[0]);
@@ -262,7 +236,7 @@ static void find_courses(vg_order* self, const vg_model* model, const vg_flow* f
         vg_course* course = &self->courses[slot];
         memset(course, 0, sizeof *course);
         find_route(course, model, flow, slot);
-        find_red(course, model, flow, scene, slot);
+        vg_order_find_stops(self, model, flow, scene, slot, turns);
         find_ring(course, model);
         find_boxes(course, model->road, model->half_length[slot]);
         for (uint32_t k = 0; k < course->leg_count; ++k) {
@@ -456,7 +430,7 @@ static void take_wall(vg_wall* wall, float at, float r, verge_why why, int32_t s
 {
     const float distance = at - r;
     if (distance < wall->distance) {
-        *wall = (vg_wall){ distance, why, slot, lane };
+        *wall = (vg_wall){ distance, why, slot, lane, VG_FAR_AWAY };
     }
 }
 
@@ -507,7 +481,7 @@ static void wall_of_shares(const vg_model* model, const vg_flow* flow, uint32_t 
             const float distance = vg_order_zip_wall(model, flow, slot, area->other);
             if (distance < wall->distance) {
                 *wall = (vg_wall){ distance, VERGE_WHY_MERGE, (int32_t)area->other,
-                                   (int32_t)area->other_lane };
+                                   (int32_t)area->other_lane, VG_FAR_AWAY };
             }
         } else if (area->kind == VG_SHARE_PART
                    || (front < area->enter
@@ -614,9 +588,10 @@ static void wall_of_ring(const vg_model* model, const vg_flow* flow, uint32_t sl
     }
 }
 
-vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t slot)
+// signals: with those of the route.
+static vg_wall find_wall(const vg_model* model, const vg_flow* flow, uint32_t slot, bool signals)
 {
-    vg_wall wall = { VG_FAR_AWAY, VERGE_WHY_NONE, -1, -1 };
+    vg_wall wall = { VG_FAR_AWAY, VERGE_WHY_NONE, -1, -1, VG_FAR_AWAY };
     const vg_order* order = model->order;
     if (order == NULL || order->slots == 0) {
         return wall;
@@ -624,19 +599,28 @@ vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t s
     VERGE_ASSERT(slot < order->slots && order->slots == model->count);
     const vg_course* course = &order->courses[slot];
     const bool free = course->bind_count == 0 && course->box_count == 0
-                      && course->ring_enter >= VG_FAR_AWAY && course->red >= VG_FAR_AWAY;
+                      && course->ring_enter >= VG_FAR_AWAY && course->light_count == 0
+                      && course->sign >= VG_FAR_AWAY;
     const vg_route_leg* leg = free ? NULL : leg_of(course, flow->lane[slot]);
     if (leg == NULL || (model->lawless >> slot & 1u) != 0) {
         return wall;
     }
     const float r = vg_on_leg(leg, flow->station[slot]);
-    if (course->red < VG_FAR_AWAY && r + model->half_length[slot] <= course->red + over_line) {
-        take_wall(&wall, course->red, r, VERGE_WHY_SIGNAL, -1, course->red_lane);
-    }
     wall_of_shares(model, flow, slot, r, &wall);
     wall_of_boxes(model, flow, slot, r, &wall);
     wall_of_ring(model, flow, slot, r, &wall);
+    vg_order_stop_wall(model, flow, slot, r, signals, &wall);
     return wall;
+}
+
+vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    return find_wall(model, flow, slot, true);
+}
+
+float vg_order_wall_beyond(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    return find_wall(model, flow, slot, false).distance;
 }
 
 float vg_order_wall(const vg_model* model, const vg_flow* flow, uint32_t slot)

@@ -13,7 +13,8 @@
 ///             first time of arrival while it waits, so waiting longer means to be earlier.
 /// Waiting     A vehicle waits before an area until all vehicles with a lower rank have left it. It
 ///             also waits before a crossing while there is no room for it beyond (the box stays
-///             clear), and before a ring that it would fill completely.
+///             clear), and before a ring that it would fill completely. Whoever else is there, it
+///             waits before a signal and stops at a stop sign (stops.c).
 ///
 /// The order cannot lock controlled vehicles that stand:
 ///             (1) The rank is total, and each vehicle waits for lower ranks only, so among
@@ -84,15 +85,31 @@ typedef struct vg_box {
     int32_t exit_lane;  ///< index of the lane at its end
 } vg_box;
 
+/// The traffic signal of a lane of a route.
+typedef struct vg_light {
+    float    line;   ///< [m] stop line on the route
+    float    wait;   ///< [m] where the front waits for it
+    float    change; ///< [s] from the root to its next change, VG_FAR_AWAY: not known
+    uint16_t lane;   ///< index
+    uint8_t  state;  ///< verge_signal_state at the root
+    bool     passes; ///< the slot does not stop for this state: it cannot any more
+} vg_light;
+enum { VG_LIGHTS_MAX = 2 }; ///< of a route; those beyond are found later
+
 typedef struct vg_course {
-    vg_route_leg   legs[VG_LEGS_MAX];
+    vg_route_leg legs[VG_LEGS_MAX];
     vg_box   boxes[VG_BOXES_MAX];
-    uint32_t leg_count, box_count;
-    uint32_t share_count, bind_count; ///< the first bind_count shares are with lower ranks
-    float    red;                     ///< [m] stop line of the first red signal, VG_FAR_AWAY: none
-    int32_t  red_lane;                ///< index
-    float    ring_enter;              ///< [m] where the route joins a ring, VG_FAR_AWAY: nowhere
-    int32_t  ring_lane;               ///< index of the lane there
+    vg_light lights[VG_LIGHTS_MAX];
+    uint8_t  leg_count, box_count, light_count;
+    uint8_t  share_count, bind_count; ///< the first bind_count shares are with lower ranks
+    uint16_t sign_lane;  ///< index of the lane of the first stop sign
+    float    sign;       ///< [m] where the front waits at that sign, VG_FAR_AWAY: there is none
+    float    red;        ///< [m] line of the first signal that stops it at the root, VG_FAR_AWAY:
+                         ///< none
+    float    red_opens;  ///< [s] from the root until that one opens, VG_FAR_AWAY: not known
+    float    ring_enter; ///< [m] where the route joins a ring, VG_FAR_AWAY: nowhere
+    int32_t  ring_lane;  ///< index of the lane there
+    int64_t  stopped;    ///< [us] since when it stands at its sign, 0: it did not stop there
 } vg_course;
 
 typedef struct vg_order {
@@ -111,6 +128,7 @@ typedef struct vg_order {
     uint32_t   unstuck;    ///< vehicles found that stand without a cause
     uint64_t   blocked;    ///< slots (bits) of these
     uint64_t   helped;     ///< slots (bits) that go first because nobody moved
+    uint64_t   signs;      ///< slots (bits) that have yet to stop at a stop sign
 } vg_order;
 
 /// Takes memory for the order of def->vehicles_max vehicles. Null: it does not fit, or the arena is
@@ -136,8 +154,11 @@ typedef struct vg_wall {
     verge_why why;
     int32_t   slot;     ///< -1 none
     int32_t   lane;     ///< index, -1 none
+    float     opens;    ///< [s] from the flow until a red signal opens, VG_FAR_AWAY: not known
 } vg_wall;
 vg_wall vg_order_wall_why(const vg_model* model, const vg_flow* flow, uint32_t slot);
+/// The distance to the wall that there were without traffic signals.
+float vg_order_wall_beyond(const vg_model* model, const vg_flow* flow, uint32_t slot);
 
 /// Would slot i enter an area between two flows while a slot of lower rank is in it?
 /// station1: stations after the step.
@@ -196,6 +217,24 @@ void vg_order_watch(vg_order* order, const vg_model* model, const vg_flow* flow,
 
 /// The turn of a vehicle, null: it has none, or turns is null.
 verge_turn* vg_turn_of(verge_turns* turns, int32_t id);
+
+// ---------------------------------------------------------------------------- stops.c
+
+/// Finds the signals and the stop sign on the route of a slot. turns: who has stopped, or null.
+void vg_order_find_stops(vg_order* order, const vg_model* model, const vg_flow* flow,
+                         const verge_scene* scene, uint32_t slot, verge_turns* turns);
+/// Notes in a flow who stands at its stop sign. Call it for each new flow.
+void vg_order_note_stops(const vg_model* model, vg_flow* flow);
+/// Has the slot yet to stop at a stop sign?
+bool vg_order_stops_first(const vg_order* order, const vg_flow* flow, uint32_t slot);
+/// Has the slot to stop at a line ahead, at the speed that it has?
+bool vg_order_stops_ahead(const vg_model* model, const vg_flow* flow, uint32_t slot);
+/// Distance to the line of a signal that stops the slot up to the horizon; 0: there is none. [m]
+float vg_order_to_red(const vg_model* model, const vg_flow* flow, uint32_t slot);
+/// Takes the wall of a signal or of a stop sign, if it is nearer. signals: false: of signs alone.
+/// A slot that has stopped at a sign waits at its line, and not again before the area behind it.
+void vg_order_stop_wall(const vg_model* model, const vg_flow* flow, uint32_t slot, float r,
+                        bool signals, vg_wall* wall);
 
 // ---------------------------------------------------------------------------- zipper.c
 

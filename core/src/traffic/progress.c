@@ -11,6 +11,8 @@ static const float standing = 0.3f;
 static const double patience = 3.0;
 // A wall, or a vehicle ahead, holds a standing vehicle that is nearer than this. [m]
 static const float wall_near = 3.0f, leader_near = 4.0f;
+// The same of a red signal: who waits for it may stop early. [m]
+static const float red_near = 30.0f;
 // The end of a lane holds a vehicle whose front is nearer than this. [m]
 static const float end_near = 15.0f;
 
@@ -27,7 +29,7 @@ static int32_t held_by(const vg_model* model, const vg_flow* flow, uint32_t slot
         return NAMED; // what others do has no cause here
     }
     const vg_wall wall = vg_order_wall_why(model, flow, slot);
-    if (wall.distance - half < wall_near) {
+    if (wall.distance - half < (wall.why == VERGE_WHY_SIGNAL ? red_near : wall_near)) {
         return wall.slot >= 0 ? wall.slot : NAMED;
     }
     int32_t ahead = -1, behind = -1;

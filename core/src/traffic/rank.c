@@ -41,6 +41,10 @@ static const double patience_human = 3.0, patience_planned = 4.0;
 // Added to the arrival of a vehicle that was passed over, that has no room behind its area or a red
 // signal before it, or that does not move at all. [s]
 static const double passed_over = 600.0, no_room = 500.0, never = 1000.0;
+// A vehicle that stops at a stop sign loses so long there. [s]
+static const float stop_takes = 1.5f;
+// A red signal that opens within this time is one that is waited for. [s]
+static const float opens_soon = 5.0f;
 // A vehicle that nobody let go is first for so long. [s]
 static const double helped_s = 10.0;
 
@@ -133,17 +137,32 @@ static bool is_planned(const ranking* self, uint32_t slot)
     return (slot < self->model->controlled_count) != self->order->of_humans;
 }
 
+// Time to drive a distance, with a stop at the stop sign that lies before. [s]
+static float time_with_stop(const ranking* self, uint32_t slot, float distance)
+{
+    const vg_course* course = &self->order->courses[slot];
+    const float v = self->flow->v[slot], limit = self->flow->limit[slot];
+    const float gap = vg_maxf(course->sign - self->model->half_length[slot], 0.0f);
+    if (gap >= distance || !vg_order_stops_first(self->order, self->flow, slot)) {
+        return time_to(distance, v, limit);
+    }
+    return 2.0f * gap / vg_maxf(v, 1.0f) + stop_takes + time_to(distance - gap, 0.0f, limit);
+}
+
 // Arrival at the first shared area on a free road. A vehicle that is not planned here is expected
 // to keep its speed; standing away from an area it does not go.
 static float free_arrival(const ranking* self, uint32_t slot)
 {
     const float v = self->flow->v[slot];
     const float distance = shares_of(self, slot)->enter - self->model->half_length[slot];
-    if (slot < self->model->controlled_count) {
-        return time_to(distance, v, self->flow->limit[slot]);
+    const bool stopped = self->order->courses[slot].stopped != 0;
+    if (slot < self->model->controlled_count
+        || (v >= standing
+            && (stopped || vg_order_stops_first(self->order, self->flow, slot)))) {
+        return time_with_stop(self, slot, distance);
     }
     if (v < standing) {
-        return distance < waits_within ? 0.0f : VG_FAR_AWAY;
+        return distance < waits_within || stopped ? 0.0f : VG_FAR_AWAY;
     }
     return vg_maxf(distance, 0.0f) / v;
 }
@@ -290,6 +309,12 @@ static void count_standing(const ranking* self, uint32_t slot, int64_t utime,
     }
 }
 
+// Is there a signal before an area that stops the slot? Areas may begin a little before the line.
+static bool red_before(const ranking* self, uint32_t slot, float enter)
+{
+    return self->order->courses[slot].red < enter + VG_STOP_BEFORE;
+}
+
 static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turns)
 {
     verge_turns kept = { 0 };
@@ -297,25 +322,32 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
         const int32_t id = scene->vehicles[self->model->input_index[i]].id;
         const verge_turn* before = vg_turn_of(turns, id);
         self->key[i] = never;
-        verge_turn turn = { .vehicle_id = id, .arrival = scene->utime };
+        const vg_course* course = &self->order->courses[i];
+        verge_turn turn = { .vehicle_id = id, .arrival = scene->utime, .stopped = course->stopped };
+        if (turn.stopped != 0) {
+            turn.stop_lane_id = self->model->road->lanes[course->sign_lane].id;
+        }
         count_standing(self, i, scene->utime, before, &turn);
         self->order->helped |= turn.helped != 0 ? (uint64_t)1 << i : 0;
-        if (self->order->courses[i].share_count == 0 || self->arrival[i] >= VG_FAR_AWAY) {
-            if (turn.still != 0 || turn.helped != 0) {
+        if (course->share_count == 0 || self->arrival[i] >= VG_FAR_AWAY) {
+            if (turn.still != 0 || turn.helped != 0 || turn.stopped != 0) {
                 kept.of[kept.count++] = turn;
             }
             continue;
         }
         const double arrival = kept_arrival((double)self->arrival[i], scene->utime, before);
         turn.arrival = scene->utime + (int64_t)(arrival * 1e6);
-        self->key[i] = arrival + delay_by_rule(self, i);
+        const bool red = red_before(self, i, shares_of(self, i)->enter);
+        const bool waits = red && course->red_opens <= opens_soon;
+        self->key[i] = (waits ? vg_max(arrival, (double)course->red_opens) : arrival)
+                       + delay_by_rule(self, i);
         if (before != NULL && before->standing != 0 && self->flow->v[i] < standing) {
             turn.standing = before->standing;
             const double patience = self->order->of_humans ? patience_planned : patience_human;
             const bool late = vg_seconds_between(turn.standing, scene->utime) > patience;
             self->key[i] += late ? passed_over : 0.0;
         }
-        if (self->order->courses[i].red < shares_of(self, i)->enter
+        if ((red && !waits)
             || !vg_order_has_room(self->order, self->model, self->flow, i)) {
             self->key[i] += no_room;
         }
@@ -333,11 +365,13 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
 
 enum { FREE, COMMITTED, INSIDE };
 
-// A vehicle well beyond its stop line is in the way of others as one in the area is.
+// A vehicle well beyond its stop line is in the way of others as one in the area is, unless it
+// waits for a signal.
 static uint32_t grade(const ranking* self, uint32_t slot, float enter, float margin, float braking)
 {
     const float v = self->flow->v[slot];
-    const float distance = enter - 0.5f * margin - self->model->half_length[slot];
+    const float beyond = red_before(self, slot, enter) ? 0.0f : 0.5f * margin;
+    const float distance = enter - beyond - self->model->half_length[slot];
     return distance <= 0.0f                    ? INSIDE
            : v * v > 2.0f * braking * distance ? COMMITTED
                                                : FREE;
@@ -379,18 +413,29 @@ static bool goes_first(const ranking* self, uint32_t i, const vg_share* area)
     return theirs < mine || (theirs == mine && j < i);
 }
 
+// The line before an area at which the slot has to stop, whoever is there; VG_FAR_AWAY: none. [m]
+static float line_before(const ranking* self, uint32_t slot, float enter)
+{
+    const vg_course* course = &self->order->courses[slot];
+    const float gap = enter - self->model->half_length[slot];
+    if (red_before(self, slot, enter) && course->red_opens * self->flow->v[slot] > gap) {
+        return course->red;
+    }
+    return vg_order_stops_first(self->order, self->flow, slot) ? course->sign : VG_FAR_AWAY;
+}
+
 // Does slot j wait before its part of an area for slot i, by the rules and as far as one sees? Far
 // from the area a vehicle need not show it yet.
 static bool will_wait(const ranking* self, uint32_t i, const vg_share* area)
 {
     const uint32_t j = area->other;
-    const float red = self->order->courses[j].red;
-    const bool stops = red < area->other_enter;
+    const float stop = line_before(self, j, area->other_enter);
+    const bool stops = stop < VG_FAR_AWAY;
     if (!stops && (vg_order_yields(self->order, self->model, i, area->enter)
                    || !vg_order_yields(self->order, self->model, j, area->other_enter))) {
         return false;
     }
-    const float line = stops ? red : area->other_enter - vg_share_margin(area);
+    const float line = stops ? stop : area->other_enter - vg_share_margin(area);
     const float distance = vg_maxf(line - self->model->half_length[j], 0.5f);
     const float v = self->flow->v[j], needed = v * v / (2.0f * distance);
     const double a = self->scene->vehicles[self->model->input_index[j]].acceleration;
@@ -413,7 +458,7 @@ static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
         return false;
     }
     const float half = self->model->half_length[i], half_j = self->model->half_length[j];
-    const float clear = time_to(area->leave + half, self->flow->v[i], self->flow->limit[i]);
+    const float clear = time_with_stop(self, i, area->leave + half);
     return clear + encroachment > (area->other_enter - half_j) / v;
 }
 

@@ -4,6 +4,7 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "traffic/drive.h"
+#include "traffic/order.h"
 #include "traffic/pairs.h"
 #include "traffic/value.h"
 
@@ -11,6 +12,9 @@
 static const double loss_scale = 30.0;
 // Share of reward_room in BEST, where being late costs less than it does in the paper's reward. [1]
 static const float room_share = 0.8f;
+// A vehicle that waits at red moves up to the line now and not later: cost of the distance to it in
+// each step, up to a distance. [1 per m and step], [m]
+static const float red_cost = 1e-4f, red_reach = 50.0f;
 // Braking harder than this costs reward. [m/s^2], [1 per m/s^2 and step]
 static const float harsh_from = 2.0f, harsh_cost = 0.01f;
 // Change of speed in one step that counts as a whole reversal. [m/s]
@@ -103,15 +107,18 @@ static void earn_best(const vg_model* model, const vg_flow* before, const vg_mov
     credit -= room_share * (float)def->reward_room * share * care
               * gap_penalty(model, before, moves, slot, action);
     credit -= harsh_cost * vg_maxf(braking - harsh_from, 0.0f);
+    credit -= red_cost * vg_minf(vg_order_to_red(model, next, slot), red_reach);
     next->credit[slot] = credit;
     next->driven[slot] = 0.0f;
     next->previous[slot] = action;
 }
 
-// Time lost until the speed `wanted` is reached, by uniform acceleration.
+// Time lost until the speed `wanted` is reached, by uniform acceleration. Before a line at which
+// the vehicle has to stop, the speed that it has is of no use.
 static float speed_loss(const vg_model* model, const vg_flow* flow, uint32_t slot, float wanted)
 {
-    const float missing = vg_maxf(wanted - flow->v[slot], 0.0f);
+    const float missing =
+        vg_order_stops_ahead(model, flow, slot) ? wanted : vg_maxf(wanted - flow->v[slot], 0.0f);
     return 0.5f * missing * missing / ((float)model->acceleration[slot] * wanted);
 }
 

@@ -1,4 +1,5 @@
-/// Goal: a fallback can be driven, slows down, and is the gentlest one without a contact.
+/// Goal: a fallback can be driven, slows down, and is the gentlest one without a contact. It goes
+/// on with the last plan while that is clear.
 /// Method: the fallback is called directly in single and random scenes; strict.h judges motion and
 /// contacts; braking distances are closed forms.
 #include "check.h"
@@ -264,6 +265,182 @@ static void test_a_lane_that_ends_is_not_left_over_its_end(void** state)
     }
 }
 
+/// A scene with the vehicle at point k of its last plan, which `w` has just made.
+static scene* later(const scene* w, uint32_t k)
+{
+    const verge_point* p = &w->plans[0].points[k];
+    scene* now = scene_make(w->curvature, 0.0);
+    const verge_lane_position at =
+        verge_road_project(now->road, p->x, p->y, p->heading, VERGE_NO_LANE);
+    vg_job* job = scene_vehicle(now, (uint32_t)at.lane_id, 30.0, 0.0, 0.0, p->speed,
+                                p->acceleration, p->speed);
+    verge_vehicle* v = &now->vehicles[0];
+    v->x = p->x;
+    v->y = p->y;
+    v->heading = p->heading;
+    v->yaw_rate = p->curvature * p->speed;
+    job->s = at.s;
+    job->d = at.d;
+    job->curvature = p->curvature;
+    job->before = &w->plans[0];
+    job->before_age = w->def.point_s * k;
+    return now;
+}
+
+/// A scene with a plan on an empty road: it changes its speed, and in half of the cases its lane.
+static scene* planned_scene(test_rng* rng)
+{
+    for (;;) {
+        scene* w = scene_make(test_rng_between(rng, -0.02, 0.02), 0.0);
+        const double v = test_rng_between(rng, 3.0, 14.0);
+        const double goal = fmax(v + test_rng_between(rng, -5.0, 3.0), 1.0);
+        vg_job* job = scene_vehicle(w, 1, 30.0, test_rng_between(rng, -0.5, 0.5),
+                                    test_rng_between(rng, -0.02, 0.02), v, 0.0, goal);
+        if (test_rng_below(rng, 2) == 0) {
+            job->segments[0].action = VERGE_CHANGE_LEFT;
+            job->segments[0].lane = 2;
+            job->change_lane = 2;
+        }
+        scene_run(w);
+        if (w->plans[0].status == VERGE_PLANNED) {
+            return w;
+        }
+        scene_free(w);
+    }
+}
+
+static void test_it_goes_on_with_the_last_plan_and_stops_after_its_end(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("goes on");
+    uint32_t changed = 0, resumed = 0;
+    const uint32_t rounds = test_rounds(200);
+    for (uint32_t round = 0; round < rounds; ++round) {
+        scene* w = planned_scene(&rng);
+        const uint32_t k = 1 + test_rng_below(&rng, 14), end = w->def.points - 1;
+        scene* now = later(w, k);
+        const verge_vehicle_plan *last = &w->plans[0], *plan = fall_back(now);
+        check_drivable(now);
+        assert_int_equal(plan->status, VERGE_FALLBACK_KEEP_LANE);
+        const bool resumes = now->workspaces[0]->resumes; // else it is too near to the limits
+        resumed += resumes;
+        const double v = last->points[k].speed, a = fmax(last->points[k].acceleration, 0.0);
+        bool faster = false; // the last plan, but never the fallback
+        for (uint32_t i = 0; i <= end; ++i) {
+            faster |= i >= k && last->points[i].speed > v + 0.01;
+            CHECK_AT_MOST(plan->points[i].speed, v + a * a / (2.0 * JERK_MAX) + 0.01);
+        }
+        for (uint32_t i = 0; resumes && !faster && i + k <= end; ++i) {
+            const verge_point *p = &plan->points[i], *was = &last->points[i + k];
+            CHECK_AT_MOST(hypot(p->x - was->x, p->y - was->y), 0.05);
+            CHECK_NEAR(p->heading, was->heading, 0.01);
+            CHECK_NEAR(p->speed, was->speed, 0.1);
+        }
+        if (resumes) {
+            CHECK_AT_MOST(plan->points[end].speed, last->points[end].speed + 0.1);
+            assert_true(plan->points[end].acceleration < 0.0 || plan->points[end].speed < 0.3);
+        }
+        changed += resumes && w->jobs[0].change_lane == 2;
+        scene_free(now);
+        scene_free(w);
+    }
+    printf("             %u of %u gone on with, %u of these change lane\n", resumed, rounds,
+           changed);
+    assert_true(!test_rounds_suffice() || (10 * resumed >= 9 * rounds && changed > 0));
+}
+
+static void test_a_last_plan_that_would_meet_a_body_now_is_given_up(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("given up");
+    for (uint32_t round = 0; round < test_rounds(200); ++round) {
+        scene* w = scene_make(0.0, 0.0);
+        const double v = test_rng_between(&rng, 5.0, 15.0);
+        scene_vehicle(w, 1, 30.0, 0.0, 0.0, v, 0.0, v);
+        scene_run(w);
+        assert_int_equal(w->plans[0].status, VERGE_PLANNED);
+        scene* now = later(w, 5);
+        const double x = now->vehicles[0].x;
+        scene_track(now, x + 5.0 + braking_distance(v) + 0.5 + 0.06 * v, SCENE_WIDTH, 0.0, 0.0);
+        assert_int_equal(fall_back(now)->status, VERGE_FALLBACK_BRAKE);
+        check_drivable(now);
+        assert_false(touches(now, 1) || now->workspaces[0]->resumes);
+        scene_free(now);
+        scene_free(w);
+    }
+}
+
+static void test_a_last_plan_that_is_not_followed_is_given_up(void** state)
+{
+    (void)state;
+    enum { ITS_OWN, NONE, OTHER_VEHICLE, OVER, FUTURE, BRAKED, BESIDE, AHEAD, FASTER, NO_NUMBER,
+           SHORTER, CASES };
+    scene* w = scene_make(0.0, 0.0);
+    scene_vehicle(w, 1, 30.0, 0.0, 0.0, 12.0, 0.0, 7.0);
+    scene_run(w);
+    assert_int_equal(w->plans[0].status, VERGE_PLANNED);
+    for (int k = 0; k < CASES; ++k) {
+        scene* now = later(w, 5);
+        verge_vehicle_plan last = w->plans[0];
+        verge_vehicle* v = &now->vehicles[0];
+        now->jobs[0].before = k == NONE ? NULL : &last;
+        last.vehicle_id += k == OTHER_VEHICLE;
+        last.status = k == BRAKED ? VERGE_FALLBACK_BRAKE : VERGE_PLANNED;
+        last.points[7].y = k == NO_NUMBER ? NAN : last.points[7].y;
+        last.point_count -= k == SHORTER;
+        now->jobs[0].before_age = k == OVER ? 3.0 : k == FUTURE ? -0.1 : 0.5;
+        v->y += k == BESIDE ? 0.35 : 0.0;
+        v->x += k == AHEAD ? 1.5 : 0.0;
+        now->jobs[0].s += k == AHEAD ? 1.5 : 0.0;
+        v->speed += k == FASTER ? 1.5 : 0.0;
+        fall_back(now);
+        check_drivable(now);
+        assert_int_equal(now->workspaces[0]->resumes, k == ITS_OWN);
+        assert_true((last_of(now)->speed < v->speed - 2.0) == (k == ITS_OWN)); // else it keeps it
+        scene_free(now);
+    }
+    scene_free(w);
+}
+
+static void test_whatever_the_last_plan_says_a_fallback_is_drivable(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("whatever");
+    for (uint32_t round = 0; round < test_rounds(300); ++round) {
+        scene* w = planned_scene(&rng);
+        scene* now = later(w, 5);
+        const double size = pow(10.0, test_rng_between(&rng, -2.0, 8.0));
+        const uint32_t first = test_rng_below(&rng, w->def.points);
+        for (uint32_t k = first; k < w->def.points; ++k) {
+            verge_point* p = &w->plans[0].points[k];
+            p->x += size * test_rng_between(&rng, -1.0, 1.0);
+            p->y += size * test_rng_between(&rng, -1.0, 1.0);
+            p->heading += fmin(size, 3.0) * test_rng_between(&rng, -1.0, 1.0);
+            p->speed = fmax(p->speed + size * test_rng_between(&rng, -1.0, 1.0), 0.0);
+            p->curvature += size * test_rng_between(&rng, -1.0, 1.0);
+        }
+        fall_back(now);
+        check_drivable(now);
+        scene_free(now);
+        scene_free(w);
+    }
+}
+
+static void test_a_body_in_front_that_it_overlaps_goes_before_the_last_plan(void** state)
+{
+    (void)state;
+    scene* w = scene_make(0.0, 0.0);
+    scene_vehicle(w, 1, 30.0, 0.0, 0.0, 5.0, 0.0, 5.0);
+    scene_run(w);
+    scene* now = later(w, 5);
+    scene_track(now, now->vehicles[0].x + 4.9, SCENE_WIDTH, 0.0, 0.0);
+    fall_back(now);
+    assert_false(now->workspaces[0]->resumes);
+    CHECK_AT_MOST(last_of(now)->speed, 0.01);
+    scene_free(now);
+    scene_free(w);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -277,6 +454,11 @@ int main(void)
         cmocka_unit_test(test_off_the_road_it_brakes_at_once_and_straight_ahead),
         cmocka_unit_test(test_at_rest_it_stays_at_rest_behind_another_body),
         cmocka_unit_test(test_a_lane_that_ends_is_not_left_over_its_end),
+        cmocka_unit_test(test_it_goes_on_with_the_last_plan_and_stops_after_its_end),
+        cmocka_unit_test(test_a_last_plan_that_would_meet_a_body_now_is_given_up),
+        cmocka_unit_test(test_a_last_plan_that_is_not_followed_is_given_up),
+        cmocka_unit_test(test_whatever_the_last_plan_says_a_fallback_is_drivable),
+        cmocka_unit_test(test_a_body_in_front_that_it_overlaps_goes_before_the_last_plan),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -846,6 +846,49 @@ static void bodies_touch_as_rectangles_do(void** state)
     CHECK_NEAR(verge_vehicles_distance(&a, &b), 2.0, 1e-9);
 }
 
+/// Two posts appear so near on both sides of the announced path that no sampled trajectory leaves
+/// enough room beside them, though nothing touches.
+static void a_fallback_goes_on_with_a_change_of_lane_and_remembers_it(void** state)
+{
+    (void)state;
+    road under;
+    verge_planner_def def = def_on(&under);
+    built at = build(&def);
+    verge_vehicle vehicles[3] = { vehicle_at(1, true, 1, 100.0, 15.0, 2) };
+    int64_t utime = 1000000;
+    do { // until it is on its way between the lanes
+        must_step(at.planner, utime, vehicles, 1);
+        take_point(&vehicles[0], &plan.vehicles[0].points[5]);
+        utime += 500000;
+        assert_true(utime < 20000000);
+    } while (vehicles[0].y < lane_width * 1.15);
+    const verge_vehicle_plan last = plan.vehicles[0];
+    assert_int_equal(last.change_lane_id, 2);
+
+    const verge_point* beside = &last.points[5 + 6];
+    for (int side = 0; side < 2; ++side) {
+        verge_vehicle* post = &vehicles[1 + side];
+        *post = vehicle_at(2 + side, false, 0, 0.0, 0.0, VERGE_NO_LANE);
+        post->length = post->width = 0.5;
+        const double away = (side == 0 ? 1.0 : -1.0) * (1.0 + 0.25 + 0.16);
+        post->x = beside->x - away * sin(beside->heading);
+        post->y = beside->y + away * cos(beside->heading);
+        post->heading = beside->heading;
+    }
+    must_step(at.planner, utime, vehicles, 3);
+    const verge_vehicle_plan* now = &plan.vehicles[0];
+    assert_int_equal(now->status, VERGE_FALLBACK_KEEP_LANE);
+    assert_int_equal(now->reason, VERGE_REASON_COLLISION);
+    assert_int_equal(now->change_lane_id, 2);
+    CHECK_NEAR(now->change_end, last.change_end - 0.5, 1e-9);
+    for (uint32_t k = 0; k + 5 < def.points; ++k) {
+        CHECK_NEAR(now->points[k].x, last.points[k + 5].x, 0.1);
+        CHECK_NEAR(now->points[k].y, last.points[k + 5].y, 0.02);
+    }
+    CHECK_AT_MOST(now->points[def.points - 1].acceleration, -1.0); // a stop after its end
+    free(at.memory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -872,6 +915,7 @@ int main(void)
         cmocka_unit_test(humans_drive_by_the_idm_and_are_predicted_as_measured),
         cmocka_unit_test(sentences_say_what_a_step_does_and_fit_their_space),
         cmocka_unit_test(bodies_touch_as_rectangles_do),
+        cmocka_unit_test(a_fallback_goes_on_with_a_change_of_lane_and_remembers_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

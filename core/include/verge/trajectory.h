@@ -87,7 +87,8 @@ verge_status verge_predict_for(uint64_t config, verge_predictor* predictor,
 /// Kind of a plan. Messages use the same values.
 typedef enum verge_plan_status {
     VERGE_PLANNED = 0,            ///< a sampled trajectory
-    VERGE_FALLBACK_KEEP_LANE = 1, ///< no sampled trajectory was acceptable: keeps its lane
+    VERGE_FALLBACK_KEEP_LANE = 1, ///< no sampled trajectory was acceptable: keeps its lane, or goes
+                                  ///< on with its last plan
     VERGE_FALLBACK_BRAKE = 2,     ///< no sampled trajectory was acceptable: brakes in its lane
     VERGE_CANCELLED = 3,          ///< set by the daemon only: earlier plans of the vehicle are void
 } verge_plan_status;

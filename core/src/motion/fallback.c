@@ -1,6 +1,7 @@
 /// The fallback, for a vehicle without an acceptable sampled trajectory: a ladder of stopping
 /// continuations (stop.h). Its rungs, the gentlest first:
 ///
+///   go on with the last plan, no faster than now, to a comfortable stop after its end (resume.h)
 ///   keep the speed in the lane, or slow down with the limits of normal driving
 ///   brake in the lane, up to 8 m/s^2
 ///   the same towards an offset inside the lane, to pass beside a body
@@ -9,20 +10,22 @@
 ///
 /// The first rung that keeps to the limits of the body, meets no body and does not drive over the
 /// end of its lane is taken. If there is none, of those within the limits the one whose contact is
-/// the softest, and of these the latest. Nothing beyond the limits is ever emitted: the last rung
-/// keeps to them by construction (vg_stop_straight). Off the road only the last rung is left.
+/// the softest, and of these the latest; but the last plan, which may change lane, and accelerating
+/// are only for vehicles that become clear by it. Nothing beyond the limits is ever emitted: the
+/// last rung keeps to them by construction (vg_stop_straight). Off the road only that one is left.
 ///
 /// A vehicle that overlaps a body in front brakes to a standstill unless that body moves away.
 #include "motion/contact.h"
 #include "base/contract.h"
 #include "motion/follow.h"
+#include "motion/resume.h"
 #include "motion/stop.h"
 #include "motion/workspace.h"
 #include "motion/trailer.h"
 
 #include <stddef.h>
 
-typedef enum way { IN_LANE, ACCELERATE, STRAIGHT } way;
+typedef enum way { RESUME, IN_LANE, ACCELERATE, STRAIGHT } way;
 
 typedef struct rung {
     way    where;
@@ -34,6 +37,7 @@ typedef struct rung {
 // Slowing down ends at comfort_braking; 8 m/s^2 is what tyres do on a dry road (reference car: 11.5
 // at the very most).
 static const rung rungs[] = {
+    { RESUME, false, 0.0, 0.0 },
     { IN_LANE, false, 0.0, 0.0 },  { IN_LANE, false, 0.5, 0.0 },  { IN_LANE, false, 1.0, 0.0 },
     { IN_LANE, false, 1.5, 0.0 },  { IN_LANE, false, 2.0, 0.0 },  { IN_LANE, false, 3.0, 0.0 },
     { IN_LANE, false, 4.0, 0.0 },  { IN_LANE, false, 5.0, 0.0 },  { IN_LANE, false, 6.0, 0.0 },
@@ -50,6 +54,9 @@ enum { RUNGS = sizeof rungs / sizeof rungs[0] };
 
 /// Free space between the body and the lane boundary at an offset. [m]
 static const double goal_reserve = 0.1;
+/// Share of the limits that going on with the last plan may use: between its points, a line through
+/// them is not exactly the plan. [1]
+static const double resume_share = 0.98;
 /// An overlap with a body in front may grow by this much. [m]
 static const double overlap_tolerance = 1e-3;
 
@@ -60,6 +67,7 @@ typedef struct ladder {
     const verge_tracks* tracks;
     const vg_path*      path;  // of the lane; null: there is none to follow
     vg_state            state; // on this path
+    vg_state            last;  // on the line of the last plan, built in `straight`
     vg_path*            straight;
     double              speed; // [m/s] of the centre
     double              acceleration;
@@ -80,6 +88,7 @@ static bool offers(const ladder* all, const rung* rung);
 static vg_stop begin(const ladder* all, const rung* rung, vg_leg* leg);
 static bool drive(const ladder* all, const rung* rung);
 static verdict evaluate(const ladder* all, const rung* rung);
+static bool needs_clear(const rung* rung);
 static bool better(const ladder* all, const rung* rung, const verdict* a, const verdict* b);
 
 void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_tracks* tracks,
@@ -91,7 +100,8 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_track
     for (uint32_t i = 0; i < RUNGS && !best.clear; ++i) {
         if (offers(&all, &rungs[i])) {
             const verdict now = evaluate(&all, &rungs[i]);
-            if (taken == NULL || better(&all, &rungs[i], &now, &best)) {
+            if (taken == NULL ? now.clear || !needs_clear(&rungs[i])
+                              : better(&all, &rungs[i], &now, &best)) {
                 best = now;
                 taken = &rungs[i];
             }
@@ -101,6 +111,7 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_track
     if (!best.clear) { // else it is the last one that was driven
         (void)drive(&all, taken);
     }
+    ws->resumes = taken->where == RESUME;
     ws->cost = vg_motion_cost(ws->motion, ws->limits.rear_axle, job->def,
                               &job->vehicle->habit.weights, tracks, job->track_index);
     plan->status = taken->brakes && taken->where != ACCELERATE ? VERGE_FALLBACK_BRAKE
@@ -122,6 +133,9 @@ static ladder ladder_of(vg_workspace* ws, const vg_job* job, const verge_tracks*
         all.straight = &ws->paths[path == &ws->paths[0] ? 1 : 0];
     }
     ws->path_lanes[all.straight - ws->paths] = -1;
+    if (job->on_road) {
+        (void)vg_resume_path(all.straight, &all.last, job, &ws->start, ws->limits.rear_axle);
+    }
     return all;
 }
 
@@ -129,6 +143,9 @@ static ladder ladder_of(vg_workspace* ws, const vg_job* job, const verge_tracks*
 static bool offers(const ladder* all, const rung* rung)
 {
     const vg_job* job = all->job;
+    if (rung->where == RESUME) {
+        return all->last.valid && all->ws->blocking == 0;
+    }
     if (rung->where == STRAIGHT) {
         return all->path == NULL || rung->level >= VG_DEAD_END_BRAKING;
     }
@@ -144,14 +161,18 @@ static vg_stop begin(const ladder* all, const rung* rung, vg_leg* leg)
 {
     const verge_planner_def* def = all->job->def;
     const vg_limits* limits = &all->ws->limits;
-    if (rung->where == STRAIGHT) {
+    if (rung->where == RESUME) {
+        vg_stop_in_lane(leg, all->straight, limits, &all->last, 0.0);
+    } else if (rung->where == STRAIGHT) {
         vg_stop_straight(leg, all->straight, limits, &all->ws->start);
     } else {
         vg_stop_in_lane(leg, all->path, limits, &all->state, rung->goal);
     }
     const double jerk = rung->brakes ? VG_JERK_MAX : vg_min(def->comfort_jerk, VG_JERK_MAX);
     vg_stop stop = vg_stop_from(leg, rung->goal, all->speed, all->acceleration, rung->level, jerk);
-    if (all->job->on_road) {
+    if (rung->where == RESUME) {
+        stop.speed_max = all->speed; // no faster than now, even if the last plan accelerates
+    } else if (all->job->on_road) {
         const double limit = all->job->road->lanes[all->job->lane].speed_limit;
         stop.speed_max = vg_max(limit, all->speed);
     }
@@ -164,15 +185,20 @@ static bool drive(const ladder* all, const rung* rung)
     vg_workspace* ws = all->ws;
     const verge_planner_def* def = all->job->def;
     const uint32_t parts = vg_parts_of_point(def, VG_STOP_STEP);
+    const double share = rung->where == RESUME ? resume_share : 1.0;
     vg_leg leg;
     vg_stop stop = begin(all, rung, &leg);
     bool holds = true;
     for (uint32_t k = 1; k < def->points; ++k) {
         vg_rear rear = { 0 };
         for (uint32_t i = 0; i < parts; ++i) {
+            if (rung->where == RESUME) {
+                const double t = def->point_s * ((double)(k - 1u) + (double)i / parts);
+                stop.level = vg_resume_level(all->job, t, stop.speed);
+            }
             vg_stop_advance(&stop, def->point_s / parts);
             rear = vg_stop_at(&stop);
-            holds = holds && vg_hard_ratio(leg.limits, &rear, rear.speed) <= 1.0;
+            holds = holds && vg_hard_ratio(leg.limits, &rear, rear.speed) <= share;
         }
         vg_workspace_place(ws, k, &rear);
     }
@@ -259,15 +285,21 @@ static verdict evaluate(const ladder* all, const rung* rung)
     return v;
 }
 
-/// Is rung a better than the best one before it, b? Accelerating is for those only that become
-/// clear by it. Staying on a lane that ends outranks avoiding a contact: the vehicle behind can
-/// brake as well. With a body in front that it overlaps, a vehicle brakes the harder the better.
+/// Is this rung for those only that become clear by it?
+static bool needs_clear(const rung* rung)
+{
+    return rung->where == ACCELERATE || rung->where == RESUME;
+}
+
+/// Is rung a better than the best one before it, b? Staying on a lane that ends outranks avoiding a
+/// contact: the vehicle behind can brake as well. With a body in front that it overlaps, a vehicle
+/// brakes the harder the better.
 static bool better(const ladder* all, const rung* rung, const verdict* a, const verdict* b)
 {
     if (a->clear != b->clear) {
         return a->clear;
     }
-    if (rung->where == ACCELERATE) {
+    if (needs_clear(rung)) {
         return false;
     }
     if (a->holds != b->holds) {

@@ -63,6 +63,8 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
     job->curvature = vg_abs(vehicle->speed) < standing
                          ? at->curvature : known_curvature(def, vehicle, scene->utime, before);
     job->track_index = vehicle_index;
+    job->before = before;
+    job->before_age = before == NULL ? 0.0 : vg_seconds_between(before->utime, scene->utime);
     if (!job->on_road) {
         memset(plan, 0, sizeof *plan);
         brake_off_road(def, vehicle, plan);
@@ -254,8 +256,8 @@ static verge_action action_driven(const verge_vehicle_plan* plan)
 static void set_present_action(const vg_workspace* workspace, verge_vehicle_plan* plan)
 {
     verge_action_step* step = &plan->actions[0];
-    const bool changes = vg_action_changes_lane((uint8_t)step->action)
-                         && plan->status == VERGE_PLANNED && !workspace->keeps_lane;
+    const bool changes = vg_action_changes_lane((uint8_t)step->action) && !workspace->keeps_lane
+                         && (plan->status == VERGE_PLANNED || workspace->resumes);
     if (plan->action_count == 0 || changes) {
         return;
     }
@@ -285,6 +287,11 @@ void vg_job_end(const vg_job* job, const vg_workspace* workspace, const verge_sc
     set_brake_lights(plan);
     plan->change_lane_id = lane_changed_to(job, plan);
     plan->change_end = workspace->lateral_end;
+    if (workspace->resumes) { // with the change that the last plan has begun, if any
+        VERGE_ASSERT(before != NULL);
+        plan->change_lane_id = before->change_lane_id;
+        plan->change_end = before->change_end - job->before_age;
+    }
     vg_why_fill(scene, job->track_index, plan);
     vg_why_compare(plan, before);
 }

@@ -33,6 +33,8 @@ typedef struct vg_job {
     uint32_t   track_index; ///< of the vehicle itself in the tracks
     uint64_t   followers;   ///< tracks (bits) of controlled vehicles behind it in its lane
     int32_t    change_lane; ///< index of the lane that the first segment changes to, -1 none
+    const verge_vehicle_plan* before; ///< the vehicle's last plan, or null
+    double     before_age;  ///< [s] time since then
     uint32_t   segment_count;
     vg_segment segments[VERGE_STEPS_MAX + 1]; ///< a change under way may end inside a step
 } vg_job;

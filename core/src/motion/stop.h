@@ -16,7 +16,8 @@
 /// it began, except by the acceleration it has, which ends at VG_JERK_MAX. The motion is integrated
 /// in steps of at most VG_STOP_STEP.
 ///
-/// The fallback (fallback.c) is made of these.
+/// The fallback (fallback.c) is made of these: along the lane, along the line of the last plan
+/// (resume.h), or straight ahead.
 #ifndef VG_STOP_H
 #define VG_STOP_H
 

@@ -55,6 +55,7 @@ void vg_workspace_begin(vg_workspace* ws, const vg_job* job, const verge_tracks*
     }
     widen(&ws->limits, &ws->start);
     ws->path_lanes[0] = ws->path_lanes[1] = -1;
+    ws->resumes = false;
     ws->cost = (verge_cost){ 0 };
     ws->refusals = (vg_refusals){ 0 };
     ws->near_start[0] = ws->near_start[1] = ws->blocking = 0;

@@ -33,6 +33,7 @@ struct vg_workspace {
     uint32_t lane;            ///< reference lane at the end of the trajectory so far
     double   s;               ///< [m] coordinate of the rear axle there, on the path of this lane
     bool     keeps_lane;      ///< the decided segments were given up for the present lane
+    bool     resumes;         ///< a fallback that goes on with the last plan
     double   lateral_end;     ///< [s] end of the lateral motion of the first segment
     verge_cost cost;          ///< of the trajectory so far
     vg_refusals refusals;

@@ -17,6 +17,7 @@ import time
 import e2e_lcm
 from daemon_rig import Manager, check
 from e2e_lcm import CANCELLED, QUICK, Bus, Daemon, digests_of, three_and_a_human
+from e2e_operators import ctl
 
 BRAKE = 2
 
@@ -42,7 +43,7 @@ def iterations_for(rig, seconds):
 def a_late_plan_is_bridged_by_the_rest_of_the_last_one(rig):
     log = rig.folder / "late.lcmlog"
     slow = dict(QUICK, iterations=iterations_for(rig, 0.35))
-    config = rig.config(cycle_ms=100, planner=slow)
+    config = rig.config(cycle_ms=100, planner=slow, control="rsu.sock")
     with Daemon(rig, config, "--record", log) as rsu:
         bus = Bus()
         vehicles = three_and_a_human()
@@ -70,6 +71,8 @@ def a_late_plan_is_bridged_by_the_rest_of_the_last_one(rig):
         check(status.deadline_misses >= 5 and status.state == 3 and status.fault == 4,
               f"counted and told: {status.deadline_misses} {status.state} {status.fault}")
         check(status.plans_sent > len(bus.plans) / 2, "and sent plans are counted")
+        counters = json.loads(ctl(rig, "status", "--json")[1])["counters"]
+        check(counters["overruns"] >= 15, f"what bridges them is counted: {counters}")
         check(rsu.stop()[1] == 0, "stops")
         bus.listen(0.3)
     code, out, error = rig.run(rig.bin / "verge-rsu", "--config", config, "--replay", log)

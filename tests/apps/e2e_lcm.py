@@ -30,6 +30,7 @@ import zlib
 import daemon_rig
 from daemon_rig import (QUICK, SOURCE, Daemon, case_arguments, check, run_cases,
                         shared_library)
+from e2e_operators import ctl
 
 URL = "udpm://239.255.76.67:7667?ttl=0"
 GROUP = ("239.255.76.67", 7667)
@@ -469,7 +470,7 @@ def plans_resume_within_two_cycles_when_the_bus_comes_back(rig):
     def ip(*args):
         subprocess.run(["ip", *args], check=True)
     log = rig.folder / "back.lcmlog"
-    with Daemon(rig, rig.config(), "--record", log) as rsu:
+    with Daemon(rig, rig.config(control="rsu.sock"), "--record", log) as rsu:
         bus = Bus()
         vehicles = [Vehicle(1, 40, 0), Vehicle(2, 40, 1)]
         bus.drive(vehicles, 1.0)
@@ -478,6 +479,8 @@ def plans_resume_within_two_cycles_when_the_bus_comes_back(rig):
             time.sleep(2.5)
             check(rsu.process.poll() is None, "it lives without a bus")
             check("bus_trouble" in rsu.text(), "and says so:\n" + rsu.text())
+            counters = json.loads(ctl(rig, "status", "--json")[1])["counters"]
+            check(counters["bus_errors"] > 0, f"and counts: {counters}")
         finally:
             ip("link", "set", "lo", "up")
             subprocess.run(["ip", "route", "replace", "224.0.0.0/4", "dev", "lo"], check=True)

@@ -418,7 +418,9 @@ def stuck_s_max(run, limit, k):
 
 
 def waits(run, k, state, lane, tick):
-    """Has a reason to stand: somebody in its way, moving nearby, or a lane that ends."""
+    """Has a reason to stand: a signal, somebody in its way or moving nearby, or a lane that ends."""
+    if any(program["lane"] == lane and shows(program, state.t) in ("red", "yellow") for program in run.signals):
+        return True
     others = [(n, s) for n, s in tick.items() if n != k]
     if any(s.speed > STANDING and math.hypot(s.x - state.x, s.y - state.y) < 40 for _, s in others):
         return True
@@ -712,6 +714,10 @@ def self_test():
         found = any(a == "red_light" for a, _ in judge(lit, lone, ticks()))
         print(f"{'as planted' if found == (state == 'red') else 'WRONG'} red_light {state}")
         wrong += [] if found == (state == "red") else [f"red_light {state}"]
+        lit = {**scene, "signals": lit["signals"]}
+        found = any(a == "stuck_s_max" for a, _ in judge(lit, {**lone, "stuck_s_max": 8.0}, ticks(stand)))
+        print(f"{'as planted' if found == (state == 'green') else 'WRONG'} stuck at {state}")
+        wrong += [] if found == (state == "green") else [f"stuck at {state}"]
 
     def crossing_behind(gap):
         rows = []

@@ -578,6 +578,42 @@ static void who_stops_first_at_a_crossing_of_stop_signs_goes_first(void** state)
     }
 }
 
+// A planned vehicle has waited for long before a major street. Its drivers come one after the other,
+// in the order that they see.
+static void who_has_priority_does_not_brake_for_who_waits(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("cedes");
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
+        world* w = world_open();
+        add_straight(w, 0, -100.0, 0.0, 100.0, 0.0, -1)->priority =
+            round % 2 == 0 ? VERGE_PRIORITY_MINOR : VERGE_PRIORITY_STOP;
+        add_straight(w, 1, 0.0, -150.0, 0.0, 100.0, -1)->priority = VERGE_PRIORITY_MAJOR;
+        world_build(w);
+        w->order->of_humans = true;
+        add(w, true, 0, 100.0 - 8.0, 0.0, VERGE_NO_LANE);
+        const double speed = test_rng_between(&rng, 7.0, LIMIT);
+        double left = test_rng_between(&rng, 30.0, 38.0);
+        for (uint32_t k = 0; k < 3; ++k) {
+            add(w, false, 1, 150.0 - left, speed, VERGE_NO_LANE);
+            left += test_rng_between(&rng, 2.5, 3.2) * speed;
+        }
+        w->turns.count = 1;
+        w->turns.of[0] = (verge_turn){ .vehicle_id = w->vehicles[0].id };
+        w->turns.of[0].arrival = w->scene.utime - 20000000; // it has waited for 20 s
+        for (uint32_t cycle = 0; cycle < 20 && w->count == 4; ++cycle) {
+            drive(w, 1);
+            for (uint32_t i = 1; i < w->count; ++i) {
+                if (w->vehicles[i].speed < speed - 0.2) {
+                    show(w);
+                    fail_msg("round %u: vehicle %d brakes", round, w->vehicles[i].id);
+                }
+            }
+        }
+        world_close(w);
+    }
+}
+
 // What a lane's signal shows is a wall a metre before its line; without it there is none.
 static void a_red_signal_is_a_wall_and_a_green_one_is_not(void** state)
 {
@@ -720,6 +756,7 @@ int main(void)
         cmocka_unit_test(the_end_of_a_lane_takes_one_of_each_lane_in_turn),
         cmocka_unit_test(everybody_stops_at_a_stop_sign_and_all_get_through),
         cmocka_unit_test(who_stops_first_at_a_crossing_of_stop_signs_goes_first),
+        cmocka_unit_test(who_has_priority_does_not_brake_for_who_waits),
         cmocka_unit_test(a_red_signal_is_a_wall_and_a_green_one_is_not),
         cmocka_unit_test(priority_goes_before_arrival),
         cmocka_unit_test(a_driver_who_has_to_wait_and_does_not_brake_is_let_go),

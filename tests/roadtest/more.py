@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 
-from generate import (WIDTH, Junction, Scene, bezier, build, by, compass, habit, roundabout_scene,
+from generate import (LENGTH, WIDTH, Junction, Scene, bezier, build, by, compass, habit, roundabout_scene,
                       seeds, straights, write)
 
 RED, YELLOW, GREEN = "red", "yellow", "green"
@@ -168,6 +168,39 @@ def stop_sign(seed, draw):
     return scene.want(reached_by=by(scene, 60.0), braking_max=5.0, standing_s_max=40.0)
 
 
+def stream(junction, draw, arm, exit_arm, speed, count):
+    """Humans one behind the other, with gaps of 2.5 to 8 s."""
+    at = draw.span(5, 30)
+    for _ in range(count):
+        junction.place(arm, at, speed, exit_arm, control="human")
+        at += LENGTH + speed * draw.span(2.5, 8.0)
+        if at > 380:
+            return
+
+
+def left_across(seed, draw):
+    """A left turn across a stream of humans, who have priority and need not brake for it."""
+    scene, limit = RuledScene("left-across", seed, 70.0), draw.span(9, 13.9)
+    junction = Junction(scene, compass(draw, 4, 0.1), draw.span(9, 13), reach=420.0, limit=limit)
+    for k in range(4):
+        scene.rule(1 + k, "none" if seed % 2 else "minor" if k % 2 else "major")
+    junction.place(0, draw.span(15, 40), draw.span(6, 9), 3)
+    stream(junction, draw, 2, 0, 0.95 * limit, 9)
+    return scene.want(reached_by=by(scene, 60.0), follower_braking_max=2.0, braking_max=5.0)
+
+
+def minor_across(seed, draw):
+    """A car crosses a major road between humans of both directions."""
+    scene, limit = RuledScene("minor-across", seed, 70.0), draw.span(9, 13.9)
+    junction = Junction(scene, compass(draw, 4, 0.1), draw.span(9, 13), reach=420.0, limit=limit)
+    for k in range(4):
+        scene.rule(1 + k, "minor" if k % 2 else "major")
+    junction.place(1, draw.span(15, 40), draw.span(6, 9), 3)
+    for arm in (0, 2):
+        stream(junction, draw, arm, 2 - arm, 0.95 * limit, 6)
+    return scene.want(reached_by=by(scene, 60.0), follower_braking_max=2.0, braking_max=5.0)
+
+
 def lawless(seed, draw):
     """A human on the minor road does not yield."""
     scene, junction = ruled_junction("lawless", seed, draw, 40.0)
@@ -190,8 +223,8 @@ def roundabout_full(seed, draw):
 
 
 FAMILIES = {f.__name__.replace("_", "-"): f for f in (
-    pull_out, cyclist, bus_stop, tight_weave, truck_convoy, signals, right_first, stop_sign, lawless,
-    roundabout_full)}
+    pull_out, cyclist, bus_stop, tight_weave, truck_convoy, signals, right_first, stop_sign, left_across,
+    minor_across, lawless, roundabout_full)}
 
 
 def main():

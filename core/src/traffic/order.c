@@ -22,6 +22,10 @@ static const float braking_last = 8.0f;
 // A box that is full binds vehicles that can still stop with this. [m/s^2]
 static const float braking_box = 3.0f;
 
+// A planned vehicle enters a crossing this long after one that is not planned has left it, with the
+// acceleration from the line. [s], [m/s^2]
+static const float behind_others = 1.0f, starting = 1.5f;
+
 static_assert(VERGE_VEHICLES_MAX <= 255 && VG_SHARES_MAX <= 255 && VG_LEGS_MAX <= 255,
               "slots, ranks and counts are bytes");
 
@@ -434,6 +438,21 @@ static void take_wall(vg_wall* wall, float at, float r, verge_why why, int32_t s
     }
 }
 
+// How far beyond an area the other vehicle has to be, for this slot to enter it: one that is not
+// planned is given some time. [m]
+static float beyond_area(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                         const vg_share* area, float r)
+{
+    const uint32_t j = area->other;
+    if (slot >= model->controlled_count || j < model->controlled_count) {
+        return 0.0f;
+    }
+    const float v = flow->v[slot], a = starting;
+    const float gap = vg_maxf(area->enter - r - model->half_length[slot], 0.0f);
+    const float arrives = (__builtin_sqrtf(v * v + 2.0f * a * gap) - v) / a;
+    return vg_maxf(flow->v[j], 0.0f) * vg_maxf(behind_others - arrives, 0.0f);
+}
+
 // Position where the front of the slot waits because of an area: before its entry. Where lanes
 // merge or part, it may follow the one that goes first beyond the entry: up to where that one would
 // stop. VG_FAR_AWAY: the vehicle that goes first has left the area.
@@ -447,7 +466,8 @@ static float line_of(const vg_model* model, const vg_flow* flow, uint32_t slot,
         return VG_FAR_AWAY;
     }
     if (area->kind == VG_SHARE_CROSS) {
-        return other - model->half_length[j] > area->other_leave ? VG_FAR_AWAY : line;
+        const float left = area->other_leave + beyond_area(model, flow, slot, area, r);
+        return other - model->half_length[j] > left ? VG_FAR_AWAY : line;
     }
     const bool parts = area->kind == VG_SHARE_PART;
     if (parts ? other - model->half_length[j] > area->other_leave : other > area->other_leave) {

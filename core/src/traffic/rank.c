@@ -15,6 +15,8 @@ static const float braking_planned = 3.0f;
 static const float braking_needed = 6.0f;
 // Time between a planned vehicle that leaves an area and an uncontrolled one that arrives. [s]
 static const float encroachment = 1.0f;
+// The same where the uncontrolled one has priority: it is not to brake. [s]
+static const float encroachment_of_priority = 2.5f;
 // One that has to wait, is this near to its line or would need this to stop, but brakes less than
 // half as hard as it needs, is not expected to wait. Nobody brakes visibly below 2 m/s.
 static const float brakes_within = 3.0f; // [s] at the present speed
@@ -29,6 +31,8 @@ static const double yields = 4.0, enters = 4.0;
 // first. [s]
 static const double from_right = 2.0;
 static const float right_within = 3.0f;
+// A lane turns left, and vehicles come towards one another: sine and cosine of the angle. [1]
+static const double left_turn = 0.5, towards = -0.7;
 // A vehicle follows its leader over a line after this time. [s]
 static const float follow_up = 2.0f;
 // A standing vehicle with its front this near before an area waits for it, others do not go. [m]
@@ -269,6 +273,25 @@ static bool has_right(const ranking* self, uint32_t slot)
     return found;
 }
 
+// Change of heading along a lane, as its sine: above 0 to the left; and the heading at its start.
+static double turn_of(const vg_lane* lane, vg_reference* start)
+{
+    *start = vg_lane_at(lane, 0.0);
+    const vg_reference end = vg_lane_at(lane, lane->length);
+    return start->cos_heading * end.sin_heading - start->sin_heading * end.cos_heading;
+}
+
+// Does slot i turn left in an area, across the way of one that comes towards it and does not?
+static bool turns_across(const ranking* self, const vg_share* area)
+{
+    vg_reference own, other;
+    const vg_lane* lanes = self->model->road->lanes;
+    const bool left = turn_of(&lanes[area->lane], &own) > left_turn;
+    const bool other_left = turn_of(&lanes[area->other_lane], &other) > left_turn;
+    const double along = own.cos_heading * other.cos_heading + own.sin_heading * other.sin_heading;
+    return area->kind == VG_SHARE_CROSS && left && !other_left && along < towards;
+}
+
 bool vg_order_yields(const vg_order* order, const vg_model* model, uint32_t slot, float enter)
 {
     return must_yield(priority_at(order, model, slot, enter));
@@ -443,13 +466,24 @@ static bool will_wait(const ranking* self, uint32_t i, const vg_share* area)
     return far || a <= -0.5 * (double)needed;
 }
 
-// Would a planned vehicle be in the way of one that is not, and that keeps its speed?
+// Has slot i to let the other vehicle go first in an area, by the rules of the road?
+static bool cedes_to(const ranking* self, uint32_t i, const vg_share* area)
+{
+    return turns_across(self, area)
+           || (vg_order_yields(self->order, self->model, i, area->enter)
+               && !vg_order_yields(self->order, self->model, area->other, area->other_enter));
+}
+
+// Would a vehicle be in the way of one that keeps its speed? A planned vehicle is in nobody's way
+// that is not planned. Drivers that have priority do not wait for those who have not.
 static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
 {
     const uint32_t j = area->other;
     const float v = self->flow->v[j], margin = vg_share_margin(area);
-    if (self->order->of_humans || !is_planned(self, i) || is_planned(self, j) || v < standing
-        || area->kind >= VG_SHARE_PART || will_wait(self, i, area)) {
+    const bool cedes = area->kind < VG_SHARE_PART && cedes_to(self, i, area);
+    const bool asked = self->order->of_humans ? cedes && is_planned(self, j)
+                                              : is_planned(self, i) && !is_planned(self, j);
+    if (!asked || v < standing || area->kind >= VG_SHARE_PART || will_wait(self, i, area)) {
         return false;
     }
     const bool late = grade(self, j, area->other_enter, margin, braking_planned) == COMMITTED;
@@ -459,7 +493,8 @@ static bool is_in_the_way(const ranking* self, uint32_t i, const vg_share* area)
     }
     const float half = self->model->half_length[i], half_j = self->model->half_length[j];
     const float clear = time_with_stop(self, i, area->leave + half);
-    return clear + encroachment > (area->other_enter - half_j) / v;
+    const float apart = cedes ? encroachment_of_priority : encroachment;
+    return clear + apart > (area->other_enter - half_j) / v;
 }
 
 static void find_facts(ranking* self)

@@ -31,6 +31,9 @@ static const double bend_lateral = 2.5;
 static const double approach = 0.5;
 /// A bin includes the bends from this distance before it to this distance behind the next one. [m]
 static const double bend_reach = 2.0;
+// Rate of curvature in time that a car's steering follows, 0.4 rad/s over 2.7 m less a tenth, and
+// half the length over which paths begin a bend (path.c). [1/(m s)], [m]
+static const double bend_rate = 0.13, bend_begins = 1.7;
 /// Number of lanes over which a lower speed is propagated against the direction of travel.
 enum { joint_rounds = 4 };
 
@@ -341,7 +344,22 @@ static void fill_gaps(vg_road_draft* draft, uint32_t index)
     }
 }
 
-/// The limit, and what the sharpest bend near each bin allows.
+/// Curvature at s, also of the lane before or behind it.
+static double curvature_at(const verge_road* road, uint32_t index, double s)
+{
+    const vg_lane* lane = &road->lanes[index];
+    if (s < 0.0 && vg_lane_predecessor_count(road, index) > 0) {
+        lane = &road->lanes[road->predecessors[road->predecessors_from[index]]];
+        return vg_lane_at(lane, lane->length).curvature;
+    }
+    if (s > lane->length && lane->successor_count > 0) {
+        lane = &road->lanes[lane->successors[0]];
+        return vg_lane_at(lane, 0.0).curvature;
+    }
+    return vg_lane_at(lane, vg_clamp(s, 0.0, lane->length)).curvature;
+}
+
+/// The limit, and what the sharpest bend near each bin allows, and how fast it begins and ends.
 static void fill_speeds(vg_road_draft* draft, uint32_t index)
 {
     const vg_lane* lane = &draft->road->lanes[index];
@@ -349,13 +367,17 @@ static void fill_speeds(vg_road_draft* draft, uint32_t index)
     for (uint32_t i = 0; i < lane->bin_count; ++i) {
         const double from = (double)bins[i].s - bend_reach;
         const uint32_t samples = (uint32_t)(2.0 * bend_reach + rate_max * VG_BIN);
-        double sharpest = 0.0;
+        double sharpest = 0.0, fastest = 0.0;
         for (uint32_t k = 0; k <= samples; ++k) {
             const double s = vg_clamp(from + (double)k, 0.0, lane->length);
+            const double change = curvature_at(draft->road, index, s + bend_begins)
+                                  - curvature_at(draft->road, index, s - bend_begins);
             sharpest = vg_max(sharpest, vg_abs(vg_lane_at(lane, s).curvature));
+            fastest = vg_max(fastest, vg_abs(change) / (2.0 * bend_begins));
         }
         const double bend = vg_sqrt(bend_lateral / vg_max(sharpest, 1e-6));
-        bins[i].speed = (float)vg_min(lane->speed_limit, bend);
+        const double steering = bend_rate / vg_max(fastest, 1e-6);
+        bins[i].speed = (float)vg_min(lane->speed_limit, vg_min(bend, steering));
     }
 }
 

@@ -12,7 +12,6 @@ static const double reach_reserve = 30.0;
 /// Shortest duration of a stop. [s]
 static const double stop_min = 1e-2;
 
-static bool in_path(const vg_following* f, const vg_state* from, const verge_track* other);
 static double distance_behind(const vg_following* f, const vg_state* from, const verge_track* other,
                               double reach, double* speed);
 static double end_speed(double distance, double leader, const vg_state* from, double T, double b);
@@ -46,17 +45,26 @@ double vg_follow_speed(const vg_following* f, const vg_state* from, double braki
     return least;
 }
 
-/// Is the body in the path at the start of the segment, up to the turn of its heading?
-static bool in_path(const vg_following* f, const vg_state* from, const verge_track* other)
+/// A body at one instant, in terms of the path.
+typedef struct place {
+    double s, d;          ///< [m] of its centre
+    double along;         ///< [1] cosine of its heading against the path
+    double ahead, left;   ///< [m] half sides of the box that holds it
+} place;
+
+static place place_of(const vg_path* path, const verge_track* body, uint32_t instant, double guess)
 {
-    const verge_track* own = &f->tracks->of[f->own];
-    const double x = other->x[f->start], y = other->y[f->start];
-    const vg_reference here = vg_path_at(f->path, from->s);
-    const double dx = x - here.x, dy = y - here.y;
-    const double s = vg_path_project(f->path, x, y, from->s + vg_sqrt(dx * dx + dy * dy));
-    const vg_reference at = vg_path_at(f->path, s);
-    const double d = (y - at.y) * at.cos_heading - (x - at.x) * at.sin_heading;
-    return vg_abs(d) <= own->half_width + other->half_length + f->clearance;
+    const double x = body->x[instant], y = body->y[instant];
+    const double c = body->cos_heading[instant], n = body->sin_heading[instant];
+    const double s = vg_path_project(path, x, y, guess);
+    const vg_reference at = vg_path_at(path, s);
+    const double along = c * at.cos_heading + n * at.sin_heading;
+    const double across = vg_abs(n * at.cos_heading - c * at.sin_heading);
+    return (place){
+        .s = s, .d = vg_left_of(&at, x, y), .along = along,
+        .ahead = body->half_length * vg_abs(along) + body->half_width * across,
+        .left = body->half_length * across + body->half_width * vg_abs(along),
+    };
 }
 
 /// Distance up to the gap behind another body at the end of the segment [m], and the speed of that
@@ -73,26 +81,21 @@ static double distance_behind(const vg_following* f, const vg_state* from, const
     if (x0 * here.cos_heading + y0 * here.sin_heading < f->rear_axle || far > reach) {
         return VG_HUGE;
     }
-    const double s = vg_path_project(f->path, other->x[f->last], other->y[f->last],
-                                     from->s + far);
-    const vg_reference at = vg_path_at(f->path, s);
-    const double d = (other->y[f->last] - at.y) * at.cos_heading
-                   - (other->x[f->last] - at.x) * at.sin_heading;
-    const double c = other->cos_heading[f->last], n = other->sin_heading[f->last];
-    const double along = c * at.cos_heading + n * at.sin_heading;
-    const double across = vg_abs(n * at.cos_heading - c * at.sin_heading);
-    const double reach_left = other->half_length * across + other->half_width * vg_abs(along);
-    const double reach_ahead = other->half_length * vg_abs(along) + other->half_width * across;
-    const double v = other->speed[f->last];
-    if (vg_abs(d - f->offset) > own->half_width + reach_left + f->clearance
-        || (vg_abs(along) < same_direction && vg_abs(v) > standing)) {
+    const place end = place_of(f->path, other, f->last, from->s + far);
+    const double v = other->speed[f->last], side = own->half_width + f->clearance;
+    if (vg_abs(end.d - f->offset) > side + end.left
+        || (vg_abs(end.along) < same_direction && vg_abs(v) > standing)) {
         return VG_HUGE;
     }
-    if (s < from->s + f->rear_axle + f->driven && !in_path(f, from, other)) {
-        return VG_HUGE;
+    if (end.s < from->s + f->rear_axle + f->driven) {
+        const place begin =
+            place_of(f->path, other, f->start, from->s + vg_sqrt(x0 * x0 + y0 * y0));
+        if (vg_abs(begin.d) > side + begin.left) {
+            return VG_HUGE; // it enters the path behind this vehicle
+        }
     }
-    *speed = vg_abs(v) > standing ? v * along : vg_max(v * along, 0.0);
-    return s - reach_ahead - f->gap - (from->s + f->rear_axle + own->half_length);
+    *speed = vg_abs(v) > standing ? v * end.along : vg_max(v * end.along, 0.0);
+    return end.s - end.ahead - f->gap - (from->s + f->rear_axle + own->half_length);
 }
 
 /// Solves v^2 - leader^2 = 2 b (distance - driven) for the end speed v. A profile to v has the

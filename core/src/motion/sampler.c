@@ -20,7 +20,10 @@
 enum {
     first_tries_max = 6, // candidates of the first segment that are tried; each costs one batch
     limit_parts = 10,    // parts of a step in the exact limit check: 10 ms each at 0.1 s
+    inside_tries_max = 16, // candidates tried after the first one whose nose leaves the lane
 };
+/// The nose of a vehicle that keeps its lane may be this far beyond the lane's edge. [m]
+static const double edge_slack = 0.1;
 /// Below this speed brakes may be released faster than the jerk limit. [m/s]
 static const double jolt_speed = 0.5;
 /// A slower vehicle stands; a faster one does not need the simulated driver. [m/s]
@@ -57,6 +60,10 @@ static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* cha
                        uint32_t lane, uint32_t candidate);
 static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
                         uint32_t lane, const vg_leg* leg);
+static double nose_beyond_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
+                               uint32_t lane, uint32_t candidate);
+static void take(vg_workspace* ws, const vg_batch* batch, const chain* chain, uint32_t lane,
+                 uint32_t candidate);
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset);
 static bool collides(vg_workspace* ws, const vg_batch* batch, const chain* chain);
@@ -273,13 +280,16 @@ static bool prepare(vg_workspace* ws, vg_batch* batch, const chain* chain,
     return true;
 }
 
-/// Chooses the cheapest acceptable candidate and adds its points and its cost to the trajectory.
+/// Chooses the cheapest acceptable candidate whose nose stays in the lane, else the one of some
+/// whose nose leaves it least, and adds its points and its cost to the trajectory.
 static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32_t lane,
                    uint32_t* choice)
 {
     const uint32_t count = batch->leg_count * batch->offset_count;
     const unsigned refuse = VG_TRIED | VG_INFEASIBLE | (chain->emergency ? 0u : VG_UNCOMFORTABLE);
-    for (uint32_t round = 0; round < count; ++round) {
+    uint32_t outside = count, tries = 0;
+    double beyond_least = VG_HUGE; // of `outside`
+    for (uint32_t round = 0; round < count && tries < inside_tries_max; ++round) {
         uint32_t best = count;
         double least = VG_HUGE;
         for (uint32_t i = 0; i < count; ++i) {
@@ -291,29 +301,50 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
             }
         }
         if (best == count) {
-            return false;
+            break;
         }
         batch->marks[best] |= VG_TRIED;
-        if (acceptable(ws, batch, chain, lane, best)) {
-            const vg_job* job = chain->job;
-            const verge_cost cost =
-                vg_leg_cost(&batch->legs[best / batch->offset_count],
-                            batch->offsets[best % batch->offset_count], batch->start, batch->last,
-                            job->def, &job->vehicle->habit.weights, chain->tracks,
-                            job->track_index, batch->in_lane, batch->aim);
-            vg_cost_add(&ws->cost, &cost);
-            const vg_profile* profile = &batch->legs[best / batch->offset_count].profile;
-            if (batch->start == 0) {
-                const vg_leg* leg = &batch->legs[best / batch->offset_count];
-                ws->lateral_end = leg->by_distance ? batch->lateral_s : leg->span;
-            }
-            ws->lane = lane;
-            ws->s = vg_profile_at(profile, job->def->point_s * (batch->last - batch->start)).s;
+        tries += outside < count ? 1u : 0u;
+        if (!acceptable(ws, batch, chain, lane, best)) {
+            continue;
+        }
+        const double beyond =
+            batch->in_lane ? nose_beyond_lane(ws, batch, chain->job, lane, best) : 0.0;
+        if (beyond <= 0.0) {
+            take(ws, batch, chain, lane, best);
             *choice = best;
             return true;
         }
+        if (beyond < beyond_least - edge_slack) {
+            outside = best;
+            beyond_least = beyond;
+        }
     }
-    return false;
+    if (outside == count) {
+        return false;
+    }
+    const bool again = acceptable(ws, batch, chain, lane, outside); // its motion
+    VERGE_ASSERT(again);
+    take(ws, batch, chain, lane, outside);
+    *choice = outside;
+    return again;
+}
+
+static void take(vg_workspace* ws, const vg_batch* batch, const chain* chain, uint32_t lane,
+                 uint32_t candidate)
+{
+    const vg_job* job = chain->job;
+    const vg_leg* leg = &batch->legs[candidate / batch->offset_count];
+    const verge_cost cost =
+        vg_leg_cost(leg, batch->offsets[candidate % batch->offset_count], batch->start, batch->last,
+                    job->def, &job->vehicle->habit.weights, chain->tracks, job->track_index,
+                    batch->in_lane, batch->aim);
+    vg_cost_add(&ws->cost, &cost);
+    if (batch->start == 0) {
+        ws->lateral_end = leg->by_distance ? batch->lateral_s : leg->span;
+    }
+    ws->lane = lane;
+    ws->s = vg_profile_at(&leg->profile, job->def->point_s * (batch->last - batch->start)).s;
 }
 
 /// A slow lane change from the end of a lane: the nose may swing out over the end.
@@ -368,6 +399,29 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
     const double d = vg_abs((body->y[k] - to.y) * to.cos_heading
                             - (body->x[k] - to.x) * to.sin_heading);
     return d > 0.5 * job->road->lanes[lane].width && d > d0;
+}
+
+/// How far the nose of a vehicle that keeps its lane gets beyond the edge, and farther out than it
+/// began. [m] 0: it stays inside
+static double nose_beyond_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
+                               uint32_t lane, uint32_t candidate)
+{
+    const verge_track* body = &ws->body;
+    const vg_leg* leg = &batch->legs[candidate / batch->offset_count];
+    const double half = job->vehicle->length * 0.5;
+    const double edge = 0.5 * job->road->lanes[lane].width + edge_slack;
+    double s = leg->s_start + leg->limits->rear_axle + half;
+    double from = 0.0, beyond = 0.0;
+    for (uint32_t k = batch->start; k <= batch->last; ++k) {
+        const double x = body->x[k] + half * body->cos_heading[k];
+        const double y = body->y[k] + half * body->sin_heading[k];
+        s = vg_path_project(leg->path, x, y, s);
+        const vg_reference at = vg_path_at(leg->path, s);
+        const double d = vg_abs(vg_left_of(&at, x, y));
+        from = k == batch->start ? d : from;
+        beyond = vg_max(beyond, d - vg_max(edge, from));
+    }
+    return beyond;
 }
 
 /// Checks the limits of the body between the points as well, and the jerk limit of the brakes. At

@@ -163,6 +163,30 @@ static void a_legal_change_costs_the_one_behind_no_hard_braking(void** state)
     assert_true(legal > test_rounds(400) / 4);
 }
 
+// Nobody beside: no time. One beside: time, also for a while before and behind.
+static void one_beside_blocks_a_change_until_there_is_a_gap(void** state)
+{
+    (void)state;
+    for (double v = 5.0; v <= 30.0; v += 5.0) {
+        for (int away = -120; away <= 120; away += 5) {
+            stage* at = stage_open_best(2, 1900.0);
+            at->lanes[0].speed_limit = at->lanes[1].speed_limit = 30.0;
+            stage_build(at);
+            stage_add(at, true, 0, 200.0, 0.0, v, -1);
+            stage_add(at, false, 1, 200.0 + away, 0.0, v, -1);
+            stage_begin(at);
+            const float time = vg_drive_blocked(&at->scene, &at->root, 0, true);
+            if (away <= -60 || away >= 60) {
+                CHECK_NEAR(time, 0.0, 1e-6);
+            } else if (away >= -5 && away <= 5) {
+                CHECK_BETWEEN(time, 0.1, 8.0);
+            }
+            CHECK_BETWEEN(time, 0.0, 8.0);
+            stage_close(at);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -172,6 +196,7 @@ int main(void)
         cmocka_unit_test(nobody_runs_into_a_vehicle_that_brakes_as_hard_as_it_can),
         cmocka_unit_test(before_the_end_of_a_lane_a_vehicle_stops_with_room_to_leave_it),
         cmocka_unit_test(a_legal_change_costs_the_one_behind_no_hard_braking),
+        cmocka_unit_test(one_beside_blocks_a_change_until_there_is_a_gap),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

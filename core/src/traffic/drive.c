@@ -74,6 +74,9 @@ static const float wrong_lane_s = 10.0f;
 // Slower vehicles ahead count as far as is driven in this time. [s]
 static const float look_ahead_s = 20.0f;
 static const float delay_max = 30.0f;    // [s]
+// A vehicle opens a gap beside by driving slower by this; a human behind leaves this time gap; time
+// that counts at most. [m/s], [s], [s]
+static const float adapting_speed = 2.5f, let_in_s = 0.6f, blocked_most = 8.0f;
 static const float queue_delay = 4.0f;   // [s] behind a vehicle that stands for a while
 
 static float longitudinal(const vg_model* model, const vg_flow* flow, vg_moves* moves,
@@ -550,6 +553,41 @@ static float beside_time(const vg_model* model, const vg_flow* flow, const vg_mo
                                        moves->station[0], moves->v[0], VG_FAR_AWAY);
     return time_to_go(model, slot, beside, flow->station[slot])
            + vg_drive_delay(model, flow, slot, &w);
+}
+
+// Time until a gap has grown by this much at a rate. [m], [m/s] -> [s]
+static float opening_time(float missing, float rate)
+{
+    return missing <= 0.0f ? 0.0f : vg_minf(missing / vg_maxf(rate, 0.3f), blocked_most);
+}
+
+// The vehicle beside is passed, or passes. A human will drive at the speed that it desires.
+float vg_drive_blocked(const vg_model* model, const vg_flow* flow, uint32_t slot, bool left)
+{
+    const float across = across_gap(model, flow, slot, left);
+    const float y = flow->y[slot] - flow->d[slot] + (left ? across : -across);
+    const vg_neighbours w = vg_nearest(model, flow, slot, flow->station[slot], y, flow->station,
+                                       flow->v, VG_FAR_AWAY);
+    const float v = flow->v[slot], half = model->half_length[slot];
+    const float ahead = w.gap_ahead - half, behind = w.gap_behind - half;
+    const float room = standstill_gap + change_gap_share * time_gap(model, slot, w.ahead) * v;
+    const float dropping = opening_time(room - ahead, w.v_ahead - v + adapting_speed);
+    if (w.behind < 0) {
+        return w.ahead < 0 ? 0.0f : dropping;
+    }
+    const float desired = vg_drive_desired(model, flow, slot);
+    const bool planned = w.behind < (int32_t)model->controlled_count;
+    const float theirs = planned ? w.v_behind : vg_maxf(model->cruise[w.behind], w.v_behind);
+    const float tau = planned ? 0.5f * planned_gap_s : let_in_s;
+    const float missing = standstill_gap + tau * w.v_behind - behind;
+    if (missing <= 0.0f) {
+        return w.ahead < 0 ? 0.0f : dropping;
+    }
+    const float lengths = 2.0f * (half + model->half_length[w.behind]);
+    const float passing = opening_time(missing, desired - theirs);
+    const float passed = opening_time(vg_maxf(behind, 0.0f) + lengths + room,
+                                      theirs - v + adapting_speed);
+    return vg_minf(w.ahead < 0 ? passing : vg_maxf(passing, dropping), passed);
 }
 
 uint8_t vg_drive_policy(const vg_model* model, const vg_flow* flow, vg_moves* moves, uint32_t slot)

@@ -38,6 +38,9 @@ static inline float vg_drive_desired(const vg_model* model, const vg_flow* flow,
     return vg_maxf(vg_minf(flow->limit[slot], model->speed_max[slot]), 1.0f);
 }
 
+/// Time until the traffic beside leaves a gap for a change to the left, or right, lane. [s]
+float vg_drive_blocked(const vg_model* model, const vg_flow* flow, uint32_t slot, bool left);
+
 #ifdef __cplusplus
 }
 #endif

@@ -133,6 +133,25 @@ static float follower_loss(const vg_neighbours* w, float half, float v)
     return vg_minf(vg_maxf(0.5f * closing * closing / gap - follower_from, 0.0f), follower_most);
 }
 
+// A vehicle on its way to its target lane waits for the gap in the lane beside. One that left the
+// target lane to overtake passes who is beside. [s]
+static float blocked_loss(const vg_model* model, const vg_flow* flow, uint32_t slot)
+{
+    const float station = flow->station[slot];
+    const uint32_t lane = (uint32_t)flow->lane[slot];
+    const int32_t sides[2] = { model->road->lanes[lane].right, model->road->lanes[lane].left };
+    float least = vg_value_at(model->value, slot, lane, station);
+    const bool missing = model->wrong_lane[slot] > cost_of_leaving;
+    int32_t better = -1;
+    for (int32_t left = 0; missing && changes_left(model, flow, slot) > 0 && left < 2; ++left) {
+        const float time = sides[left] < 0 ? least : vg_value_at(model->value, slot,
+                                                                 (uint32_t)sides[left], station);
+        better = time < least ? left : better;
+        least = vg_minf(least, time);
+    }
+    return better < 0 ? 0.0f : vg_drive_blocked(model, flow, slot, better == 1);
+}
+
 float vg_flow_loss(const vg_model* model, const vg_flow* flow, uint32_t slot, float t)
 {
     VERGE_ASSERT(slot < model->controlled_count && model->value != NULL);
@@ -148,7 +167,7 @@ float vg_flow_loss(const vg_model* model, const vg_flow* flow, uint32_t slot, fl
     const float between = vg_minf(vg_fabsf(flow->d[slot]) / half_lane, 1.0f);
     return t + vg_value_at(model->value, slot, lane, flow->station[slot])
            + speed_loss(model, flow, slot, wanted) + between_cost * between
-           + vg_drive_delay(model, flow, slot, &w)
+           + vg_drive_delay(model, flow, slot, &w) + blocked_loss(model, flow, slot)
            + model->gap_weight[slot] * follower_loss(&w, half, flow->v[slot]);
 }
 

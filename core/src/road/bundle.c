@@ -31,9 +31,9 @@ static const double bend_lateral = 2.5;
 static const double approach = 0.5;
 /// A bin includes the bends from this distance before it to this distance behind the next one. [m]
 static const double bend_reach = 2.0;
-// Rate of curvature in time that a car's steering follows, 0.4 rad/s over 2.7 m less a tenth, and
+// Rate of curvature in time that a car's steering follows, 0.4 rad/s over 2.7 m and a margin, and
 // half the length over which paths begin a bend (path.c). [1/(m s)], [m]
-static const double bend_rate = 0.13, bend_begins = 1.7;
+static const double bend_rate = 0.145, bend_begins = 2.0;
 /// Number of lanes over which a lower speed is propagated against the direction of travel.
 enum { joint_rounds = 4 };
 

@@ -59,14 +59,17 @@ def version():
     return re.search(r"^project\(verge VERSION ([0-9.]+)", project, re.MULTILINE)[1]
 
 
-def two_files(about, names):
-    """The two paths of a command line. --help and --version print and end the program."""
+def two_files(about, names, more=""):
+    """The two paths of a command line. --help and --version print and end the program.
+
+    more: lines of the help on options that the program has taken out of sys.argv before.
+    """
     program, given = pathlib.Path(sys.argv[0]).name, sys.argv[1:]
     if given == ["--version"]:
         print(f"{program} {version()}", flush=True)
         sys.exit(0)
     if given == ["--help"]:
-        print(f"usage: {program} [options] {names}\n\n{about.strip()}\n\noptions:\n"
+        print(f"usage: {program} [options] {names}\n\n{about.strip()}\n\noptions:\n{more}"
               f"  {'--help':18} prints this and ends\n  {'--version':18} prints the version and ends",
               flush=True)
         sys.exit(0)

@@ -4,7 +4,10 @@
 Top: the road as surveyed, to scale. A controlled vehicle is a coloured path. Its body is drawn
 every two seconds, with the time inside, and with brake lights and turn signals. Each action is named
 where it begins. Uncontrolled vehicles are grey. A long road is split into rows; each row continues
-the one above. Below: the speeds, and the action of each controlled vehicle over time.
+the one above. With --at, the road is drawn once for each instant instead: every body where it is
+then, with its number, and the path of the last two seconds behind it. That shows dense traffic, in
+which paths cover each other. Below: the speeds, and the action of each controlled vehicle over
+time.
 
 The run file is that of verge-sim and verge-publish, format verge-run/1.
 """
@@ -35,6 +38,10 @@ ROAD_HEIGHT_MAX = 7.0   # [in] one row of road
 MARK_S = 2.0            # [s] between two drawn bodies
 MARGIN = 9.0            # [m] of road shown before and after the paths
 MARGIN_SIDE = 3.5       # [m] shown beside the road, for labels
+TRAIL_S = 2.0           # [s] of path behind a body drawn at an instant
+BETWEEN = 0.25          # [in] between two columns of instants
+INSTANTS_MAX = 12       # pictures of the road on one page
+HELP_AT = f"  {'--at SECONDS':18} draws the road at these instants, as in 0,2.5,5\n"
 
 # The palette of Okabe and Ito first: readable for colour-blind people, and in grey.
 COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#7B3294", "#8C510A",
@@ -43,7 +50,8 @@ ACTION_COLORS = {"KS": "#D9D9D9", "AC": "#8FCB8B", "DC": "#F08A7E", "LCL": "#7FB
                  "LCR": "#F5C061"}
 ACTION_NAMES = {"KS": "keep speed", "AC": "accelerate", "DC": "decelerate",
                 "LCL": "change left", "LCR": "change right"}
-ASPHALT, PAINT, EDGE, HUMAN = "#E6E6E8", "#9A9AA0", "#5B5B62", "#77777D"
+ASPHALT, PAINT, EDGE = "#E6E6E8", "#9A9AA0", "#5B5B62"
+HUMAN, HUMAN_BODY, HUMAN_TEXT = "#77777D", "#B5B5BA", "#4A4A50"
 
 
 class Track:
@@ -62,6 +70,11 @@ class Track:
         self.t, self.speed = rows[:, 0], rows[:, 4]
         self.xy = frame.turn(rows[:, 1:3])
         self.heading = rows[:, 3] - frame.angle
+
+    def tick(self, instant):
+        """Index of the tick at an instant [s], the nearest one; None where there is none then."""
+        index = int(np.argmin(np.abs(self.t - instant)))
+        return index if abs(self.t[index] - instant) < 0.051 else None
 
     def segments(self):
         """[(first tick, last tick + 1, action)], neighbours with one action merged."""
@@ -113,11 +126,10 @@ class Run:
                 self.tracks[plan["id"]].fallbacks.append(line["t"])
 
 
-def view_of(run):
-    """(x0, x1, y0, y1): where the controlled vehicles drive, with a margin."""
-    paths = np.vstack([t.xy for t in run.controlled or run.humans])
+def view_of(run, points, aspect):
+    """(x0, x1, y0, y1): the points with a margin, at least `aspect` times as wide as high."""
     margin = np.array([MARGIN, MARGIN_SIDE])
-    low, high = paths.min(axis=0) - margin, paths.max(axis=0) + margin
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     for lane in run.lanes:  # the road beside the paths in its whole width
         both = np.vstack([lane.edge(1.0), lane.edge(-1.0)])
         inside = both[(both[:, 0] > low[0]) & (both[:, 0] < high[0])]
@@ -126,9 +138,9 @@ def view_of(run):
             low[1] = min(low[1], near[:, 1].min() - MARGIN_SIDE)
             high[1] = max(high[1], near[:, 1].max() + MARGIN_SIDE)
     width, height = high - low
-    if width < 1.7 * height:  # a tall view: show more of the surroundings at its sides
-        middle = 0.5 * (low[0] + high[0])
-        low[0], high[0] = middle - 0.85 * height, middle + 0.85 * height
+    if width < aspect * height:  # a tall view: show more of the surroundings at its sides
+        middle, half = 0.5 * (low[0] + high[0]), 0.5 * aspect * height
+        low[0], high[0] = middle - half, middle + half
     return low[0], high[0], low[1], high[1]
 
 
@@ -163,9 +175,10 @@ def corners(track, index, x0, x1, y0, y1):
     return own @ np.array([[c, s], [-s, c]]) + track.xy[index]
 
 
-def draw_body(axes, track, index, alpha, text, scale):
+def draw_body(axes, track, index, alpha, text, scale, size_of_text=0.575):
+    """size_of_text: height of the letters, as a share of the body's width."""
     half_l, half_w = 0.5 * track.length, 0.5 * track.width
-    face = track.color if track.controlled else "#B5B5BA"
+    face = track.color if track.controlled else HUMAN_BODY
     level = (6.0 if track.controlled else 4.0) + 0.001 * index  # later bodies lie on earlier ones
     axes.add_patch(Polygon(corners(track, index, -half_l, half_l, -half_w, half_w), closed=True,
                            facecolor=face, edgecolor="white", linewidth=0.7, alpha=alpha,
@@ -181,12 +194,12 @@ def draw_body(axes, track, index, alpha, text, scale):
             for x0 in (-half_l, half_l - 0.9):
                 axes.add_patch(Polygon(corners(track, index, x0, x0 + 0.9, y0, y1), closed=True,
                                        facecolor="#FFB000", linewidth=0, zorder=level))
-    size = 1.15 * track.width * scale * 72.0 * 0.5
+    size = size_of_text * track.width * scale * 72.0
     if text and size >= 4.0:
         upright = (math.degrees(track.heading[index]) + 90.0) % 180.0 - 90.0
         axes.text(*track.xy[index], text, rotation=upright, rotation_mode="anchor", ha="center",
-                  va="center_baseline", fontsize=min(8.5, size), color="white",
-                  zorder=level, clip_on=True)
+                  va="center_baseline", fontsize=min(8.5, size),
+                  color="white" if track.controlled else HUMAN_TEXT, zorder=level, clip_on=True)
 
 
 def mark_ticks(track):
@@ -208,7 +221,7 @@ def draw_vehicle(axes, track, t_end, scale):
         fade = 0.35 + 0.55 * track.t[index] / max(t_end, 1e-9)
         if not track.controlled:
             fade *= 0.75
-        text = f"{track.t[index]:g}" if track.controlled and index > 0 else ""
+        text = f"{track.t[index]:g}" if index > 0 else ""
         draw_body(axes, track, index, fade, text, scale)
 
 
@@ -220,7 +233,7 @@ def draw_start(axes, track, scale):
     axes.add_patch(Circle(track.xy[0], radius, facecolor="white", zorder=9,
                           edgecolor=track.color if track.controlled else HUMAN, linewidth=1.6))
     axes.text(*track.xy[0], str(track.id), ha="center", va="center_baseline", fontsize=fontsize,
-              fontweight="bold", color=track.color if track.controlled else "#4A4A50", zorder=10,
+              fontweight="bold", color=track.color if track.controlled else HUMAN_TEXT, zorder=10,
               clip_on=True)
 
 
@@ -324,7 +337,9 @@ def draw_speeds(axes, run):
     low, high = max(0.0, slowest - room) if slowest > 3.0 else 0.0, fastest + room
     axes.set(ylim=(low, high), ylabel="speed [m/s]")
     ends = [t.speed[-1] for t in run.controlled]
-    for track, y in zip(run.controlled, spread(ends, 0.062 * (high - low))):
+    places = spread(ends, 0.062 * (high - low))
+    places -= max(0.0, places.max(initial=low) - high)
+    for track, y in zip(run.controlled, places):
         axes.annotate(f"vehicle {track.id}", (track.t[-1], track.speed[-1]),
                       (run.t_end * 1.012, y), annotation_clip=False, fontsize=8.5,
                       fontweight="bold", color=track.color, va="center")
@@ -399,36 +414,64 @@ def subtitle(run):
     return "  ·  ".join(words)
 
 
-def draw_page(run, out):
-    rows = rows_of(view_of(run))
-    road_width = FIGURE_WIDTH - SIDE - 0.25
-    scale = road_width / (rows[0][1] - rows[0][0])  # [in] a metre
-    row_height = scale * (rows[0][3] - rows[0][2])
-    if row_height > ROAD_HEIGHT_MAX:
-        scale *= ROAD_HEIGHT_MAX / row_height
-        row_height = ROAD_HEIGHT_MAX
+class Paths:
+    """The road once along the run, in rows: paths, bodies every MARK_S, and actions."""
+    legend = f"bodies every {MARK_S:g} s, time inside"
+    columns, aspect = 1, 1.7
+
+    def __init__(self, run):
+        self.run = run
+        points = np.vstack([t.xy for t in run.controlled or run.humans])
+        self.views = rows_of(view_of(run, points, self.aspect))
+
+    def draw(self, axes, number, scale):
+        draw_map(axes, self.run, self.views[number], scale, number == len(self.views) - 1)
+
+
+class Instants:
+    """The road once for each instant: where the bodies are, and the paths they come from."""
+    legend = f"numbers of vehicles, paths of the last {TRAIL_S:g} s"
+
+    def __init__(self, run, instants):
+        self.run, self.instants = run, instants
+        points = np.vstack([t.xy[i] for t in run.tracks.values() for at in instants
+                            for i in [t.tick(at)] if i is not None])
+        view = view_of(run, points, 1.0)
+        self.columns = 2 if view[1] - view[0] < 3.0 * (view[3] - view[2]) else 1
+        self.views = [view] * len(instants)
+
+    def draw(self, axes, number, scale):
+        draw_instant(axes, self.run, self.views[number], scale, self.instants[number])
+
+
+def draw_page(run, road, out):
+    view = road.views[0]
+    width = (FIGURE_WIDTH - SIDE - 0.25 - (road.columns - 1) * BETWEEN) / road.columns
+    row_height = min(ROAD_HEIGHT_MAX, width * (view[3] - view[2]) / (view[1] - view[0]))
+    scale = row_height / (view[3] - view[2])  # [in] a metre
+    rows = -(-len(road.views) // road.columns)
     strip_height = max(1.2, 0.27 * len(run.controlled))
     head, speed_height, gap = 0.95, 2.1, 0.36
-    height = head + len(rows) * (row_height + gap) + 0.25 + speed_height + 0.14 + strip_height + 0.6
+    height = head + rows * (row_height + gap) + 0.25 + speed_height + 0.14 + strip_height + 0.6
     figure = plt.figure(figsize=(FIGURE_WIDTH, height), facecolor="white")
 
-    def panel(top, tall, right):
-        return figure.add_axes([SIDE / FIGURE_WIDTH, 1.0 - (top + tall) / height,
-                                (FIGURE_WIDTH - SIDE - right) / FIGURE_WIDTH, tall / height])
+    def panel(top, tall, right, left=SIDE):
+        return figure.add_axes([left / FIGURE_WIDTH, 1.0 - (top + tall) / height,
+                                (FIGURE_WIDTH - left - right) / FIGURE_WIDTH, tall / height])
 
     figure.text(SIDE / FIGURE_WIDTH, 1.0 - 0.4 / height, run.name, fontsize=17, fontweight="bold",
                 color="#202026", va="center")
     figure.text(SIDE / FIGURE_WIDTH, 1.0 - 0.72 / height, subtitle(run), fontsize=10,
                 color="#5B5B62", va="center")
     figure.text(1.0 - 0.25 / FIGURE_WIDTH, 1.0 - 0.40 / height,
-                f"bodies every {MARK_S:g} s, time inside  ·  red: brake lights  ·  amber: signal",
+                f"{road.legend}  ·  red: brake lights  ·  amber: signal",
                 fontsize=8.5, color="#8A8A90", va="center", ha="right")
-    top = head
-    for number, view in enumerate(rows):
-        axes = panel(top, row_height, 0.25)
-        draw_map(axes, run, view, scale, last=number == len(rows) - 1)
-        top += row_height + gap
-    top += 0.25
+    for number in range(len(road.views)):
+        row, column = divmod(number, road.columns)
+        left = SIDE + column * (width + BETWEEN)
+        axes = panel(head + row * (row_height + gap), row_height, FIGURE_WIDTH - left - width, left)
+        road.draw(axes, number, scale)
+    top = head + rows * (row_height + gap) + 0.25
     speeds = panel(top, speed_height, LEGEND)
     draw_speeds(speeds, run)
     strips = panel(top + speed_height + 0.14, strip_height, LEGEND)
@@ -440,6 +483,22 @@ def draw_page(run, out):
     speeds.grid(axis="y", color="#EDEDF0", linewidth=0.8)
     out.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(out, dpi=140)
+
+
+def draw_instant(axes, run, view, scale, instant):
+    """The bodies at one instant. Brake lights and signals are those of this tick."""
+    axes.set(xlim=view[:2], ylim=view[2:], aspect="equal", xticks=[], yticks=[])
+    draw_road(axes, run.lanes)
+    for track in run.humans + run.controlled:
+        index = track.tick(instant)
+        if index is not None:
+            trail = track.xy[(track.t > instant - TRAIL_S) & (track.t < instant + 1e-6)]
+            axes.plot(*trail.T, color=track.color, linewidth=2.0, alpha=0.7, zorder=3)
+            draw_body(axes, track, index, 1.0, str(track.id), scale, 0.9)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    axes.text(0.004, 0.99, f"{instant:g} s", transform=axes.transAxes, fontsize=10,
+              fontweight="bold", color="#303036", va="top", zorder=12)
 
 
 def draw_map(axes, run, view, scale, last):
@@ -459,11 +518,34 @@ def draw_map(axes, run, view, scale, last):
         axes.set_xlabel("x [m]" if run.frame.angle == 0.0 else "[m]" + turned, labelpad=2)
 
 
+def asked_instants():
+    """The instants of --at, which is taken out of the command line; none without it."""
+    if "--at" not in sys.argv:
+        return []
+    place = sys.argv.index("--at")
+    given = "".join(sys.argv[place + 1:place + 2])
+    del sys.argv[place:place + 2]
+    try:
+        instants = [float(word) for word in given.split(",")]
+    except ValueError:
+        instants = []
+    if not 0 < len(instants) <= INSTANTS_MAX or not all(map(math.isfinite, instants)):
+        raise BadInput(f"plot.py:--at: is \"{given}\", expected 1 to {INSTANTS_MAX} instants [s] "
+                       "with commas between them")
+    return instants
+
+
 def main():
-    source, out = two_files(__doc__, "RUN.jsonl OUT.png")
+    instants = asked_instants()
+    source, out = two_files(__doc__, "RUN.jsonl OUT.png", HELP_AT)
     if out.suffix[1:] not in matplotlib.figure.FigureCanvasBase.get_supported_filetypes():
         raise BadInput(f"{out}:file: ends in \"{out.suffix}\", expected .png, .svg or .pdf")
-    draw_page(Run(source), out)
+    run = Run(source)
+    for instant in instants:
+        if all(track.tick(instant) is None for track in run.tracks.values()):
+            raise BadInput(f"plot.py:--at: no vehicle drives at {instant:g} s, expected an instant "
+                           f"from 0 to {run.t_end:g} s")
+    draw_page(run, Instants(run, instants) if instants else Paths(run), out)
 
 
 if __name__ == "__main__":

@@ -94,6 +94,23 @@ def a_run_cut_off_is_shown_as_far_as_it_goes(folder, run_text):
             assert "cut off" in done.stderr and done.stderr.count("\n") == 1, done.stderr
 
 
+def instants_are_drawn_and_others_refused(folder, good):
+    out = folder / "instants.png"
+    for arguments in ([good, out, "--at"], ["--at", "", good, out], ["--at", "x", good, out],
+                      ["--at", "1,,2", good, out], ["--at", "nan", good, out],
+                      ["--at", "-1", good, out], ["--at", "0,1000", good, out],
+                      ["--at", ",".join("1" * 13), good, out], ["--at", "0", good]):
+        refused("plot.py", *arguments)
+        assert not out.exists(), arguments
+    sizes = []
+    for given in ("1", "1,1,1", "1,1,1,1,1"):
+        done = run("plot.py", "--at", given, good, out)
+        assert done.returncode == 0 and done.stderr == "", done
+        png = out.read_bytes()
+        sizes.append(int.from_bytes(png[20:24], "big"))  # the height, of the PNG's header
+    assert sizes[0] < sizes[1] < sizes[2], f"a panel for each instant: heights {sizes}"
+
+
 def help_and_version_are_printed(folder):
     del folder
     for tool in ("plot.py", "replay_html.py"):
@@ -152,6 +169,7 @@ def main():
         files_that_are_not_runs_are_refused(folder, bad)
         damaged_runs_are_refused_by_their_line(folder, text)
         a_run_cut_off_is_shown_as_far_as_it_goes(folder, text)
+        instants_are_drawn_and_others_refused(folder, good)
         help_and_version_are_printed(folder)
         other_tools_refuse_what_they_cannot_use(folder, bad)
     print("the tools tell in one line what they cannot use")

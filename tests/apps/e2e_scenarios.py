@@ -101,7 +101,7 @@ def main():
     options, _ = parser.parse_known_args()
     paths = [p for p in sorted(SCENARIOS.glob("*.json"))
              if json.loads(p.read_text())["format"] == "verge-scenario/1"]
-    assert len(paths) >= 10
+    assert len(paths) >= 11
     first = json.loads(paths[0].read_text())
     the_judge_finds_injected_faults(judge.run(options.bin, "verge-plan", paths[0]), first)
     count = plans = 0

@@ -208,7 +208,7 @@ def check_scenarios(binaries, work):
     kind = Kind("verge-scenario", [binaries / "verge-plan"], (2,), work)
     shipped = [path for path in ROOT.glob("apps/scenarios/*.json")
                if not path.name.startswith("rsu-")]
-    assert len(shipped) >= 10
+    assert len(shipped) >= 11
     for path in shipped:
         errors = list(kind.validator.iter_errors(json.loads(path.read_text())))
         assert not errors, f"{path}: {errors[0].message}"

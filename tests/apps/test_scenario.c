@@ -516,9 +516,9 @@ static void test_a_heading_that_steps_between_two_rows_has_no_yaw_rate(void** st
 static void test_every_scenario_of_the_project_loads(void** state)
 {
     (void)state;
-    const char* const names[] = { "freeway-2av", "freeway-3av", "freeway-4av", "freeway-4av-2hv",
-                                  "overtaking", "ramp-case1", "ramp-case2", "ramp-case3",
-                                  "roundabout", "zipper" };
+    const char* const names[] = { "crossing", "freeway-2av", "freeway-3av", "freeway-4av",
+                                  "freeway-4av-2hv", "overtaking", "ramp-case1", "ramp-case2",
+                                  "ramp-case3", "roundabout", "zipper" };
     for (uint32_t i = 0; i < sizeof names / sizeof names[0]; ++i) {
         char path[512];
         snprintf(path, sizeof path, "%s/apps/scenarios/%s.json", VERGE_SOURCE_DIR, names[i]);

@@ -87,7 +87,7 @@ static void solve(vg_path* path)
     vg_spline_solve(path->y, path->h, path->knot_count, NULL, path->yss, path->work);
 }
 
-/// Derivative of a cubic by its parameter at the start, in the middle and at the end of an interval.
+/// Derivative of a cubic by its parameter at both ends and in the middle of an interval.
 typedef struct slopes {
     double from, middle, to;
 } slopes;
@@ -145,8 +145,8 @@ static void even_out(vg_path* path)
 
 /// The knots. Where a straight lane meets a bend, curvature begins at once, and no steering follows
 /// that. Smoothed, it begins over some metres. The shares are 2 B - B * B of the binomial shares
-/// B = (1, 6, 15, 20, 15, 6, 1) / 64: they leave parabolas as they are, so the path stays on the line of a
-/// bend, and its coordinate stays a length.
+/// B = (1, 6, 15, 20, 15, 6, 1) / 64: they leave parabolas as they are, so the path stays on the
+/// line of a bend.
 static void set_knots(vg_path* path, const pieces* all)
 {
     static const double shares[SMOOTHING + 1] = {

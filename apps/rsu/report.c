@@ -4,6 +4,7 @@
 #include "common/message_json.h"
 
 #include <inttypes.h>
+#include <stdio.h>
 #include <string.h>
 
 /// A counter that the status message has no field for.
@@ -234,9 +235,9 @@ static void add_totals(text* out, const report_input* from)
     counter rows[COUNTERS];
     counters_of(from, rows);
     for (uint32_t i = 0; i < COUNTERS; i++) {
-        text_add(out, "# HELP verge_%s_total %s\n# TYPE verge_%s_total counter\n"
-                 "verge_%s_total %" PRIu64 "\n", rows[i].name, rows[i].help, rows[i].name,
-                 rows[i].name, rows[i].value);
+        char name[64];
+        (void)snprintf(name, sizeof name, "verge_%s_total", rows[i].name);
+        single(out, name, "counter", rows[i].help, (int64_t)rows[i].value);
     }
 }
 

@@ -3,6 +3,7 @@
 /// Method: a planner drives vehicles that change lanes among others; each plan is encoded, decoded,
 ///         and planned again by the stages alone.
 #include "check.h"
+#include "closed_loop.h"
 
 #include "codec.h"
 #include "verge/message.h"
@@ -59,13 +60,7 @@ static void move_vehicles(verge_vehicle vehicles[VEHICLES], const verge_plan* pl
     for (uint32_t i = 0; i < VEHICLES; ++i) {
         verge_vehicle* v = &vehicles[i];
         if (i < CONTROLLED) {
-            const verge_point* at = &plan->vehicles[i].points[5];
-            v->x = at->x;
-            v->y = at->y;
-            v->heading = at->heading;
-            v->speed = at->speed;
-            v->acceleration = at->acceleration;
-            v->yaw_rate = at->speed * at->curvature;
+            take_point(v, &plan->vehicles[i].points[5]);
         } else {
             v->x += 0.5 * v->speed;
         }

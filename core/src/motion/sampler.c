@@ -394,10 +394,8 @@ static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_
     const vg_reference from = vg_path_at(leg->path, leg->s_start + leg->limits->rear_axle);
     const double s_end = vg_profile_at(&leg->profile, T).s;
     const vg_reference to = vg_path_at(leg->path, s_end + leg->limits->rear_axle);
-    const double d0 = vg_abs((body->y[k0] - from.y) * from.cos_heading
-                             - (body->x[k0] - from.x) * from.sin_heading);
-    const double d = vg_abs((body->y[k] - to.y) * to.cos_heading
-                            - (body->x[k] - to.x) * to.sin_heading);
+    const double d0 = vg_abs(vg_left_of(&from, body->x[k0], body->y[k0]));
+    const double d = vg_abs(vg_left_of(&to, body->x[k], body->y[k]));
     return d > 0.5 * job->road->lanes[lane].width && d > d0;
 }
 

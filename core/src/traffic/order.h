@@ -11,6 +11,8 @@
 ///             it, before others; an uncontrolled vehicle before one that would not clear the
 ///             area early enough. Priority rules delay the time of arrival. A vehicle keeps its
 ///             first time of arrival while it waits, so waiting longer means to be earlier.
+///             An uncontrolled vehicle that has to wait, by priority or a signal, is expected to
+///             do so unless it comes near without braking.
 /// Waiting     A vehicle waits before an area until all vehicles with a lower rank have left it. It
 ///             also waits before a crossing while there is no room for it beyond (the box stays
 ///             clear), and before a ring that it would fill completely. Whoever else is there, it

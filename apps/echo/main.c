@@ -28,14 +28,15 @@ typedef struct arguments {
     const char* url;
     const char* options_path;
     uint64_t    count; // 0: no end
-    bool        json, states, plans, statuses, signals;
+    bool        json;
+    bool        wanted[TRANSPORT_MARK]; // by transport_kind
 } arguments;
 
 typedef struct echo {
     const arguments* args;
     transport*       bus;
     int              signal_fd;
-    uint64_t         states, plans, statuses, signals;
+    uint64_t         heard[TRANSPORT_MARK]; // by transport_kind
     transport_message batch[BATCH];
 } echo;
 
@@ -73,16 +74,19 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
           &args->options_path, NULL },
         { "--count", "N", "ends after N messages", &count_text, NULL },
         { "--json", NULL, "one JSON document per message, with every field", NULL, &args->json },
-        { "--states", NULL, "vehicle states; default: all four kinds", NULL,
-          &args->states },
-        { "--plans", NULL, "plans", NULL, &args->plans },
-        { "--status", NULL, "status messages", NULL, &args->statuses },
-        { "--signals", NULL, "traffic signals", NULL, &args->signals },
+        { "--states", NULL, "vehicle states; default: all kinds", NULL,
+          &args->wanted[TRANSPORT_STATE] },
+        { "--plans", NULL, "plans", NULL, &args->wanted[TRANSPORT_PLAN] },
+        { "--status", NULL, "status messages", NULL, &args->wanted[TRANSPORT_STATUS] },
+        { "--signals", NULL, "traffic signals", NULL, &args->wanted[TRANSPORT_SIGNAL] },
+        { "--trajectories", NULL, "trajectories of on-vehicle units", NULL,
+          &args->wanted[TRANSPORT_TRAJECTORY] },
     };
     const program self = {
         .name = "verge-echo",
         .argument = "URL",
-        .text = "Prints the messages of a bus: vehicle states, plans, statuses and signals.",
+        .text = "Prints the messages of a bus: vehicle states, plans, statuses, signals and\n"
+                "trajectories.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,
@@ -99,8 +103,12 @@ static bool read_arguments(arguments* args, int argc, char** argv, int* status)
         fputs("verge-echo:--count: is 0, expected a number of messages\n", stderr);
         return false;
     }
-    if (!args->states && !args->plans && !args->statuses && !args->signals) {
-        args->states = args->plans = args->statuses = args->signals = true;
+    bool any = false;
+    for (int kind = TRANSPORT_STATE; kind < TRANSPORT_MARK; ++kind) {
+        any = any || args->wanted[kind];
+    }
+    for (int kind = TRANSPORT_STATE; kind < TRANSPORT_MARK; ++kind) {
+        args->wanted[kind] = args->wanted[kind] || !any;
     }
     *status = 0;
     return true;
@@ -134,10 +142,10 @@ static int open_bus(echo* self, bus_options* options)
     }
     options->transport.log = complain;
     char error[512];
-    const unsigned kinds = (args->states ? TRANSPORT_STATES : 0u) |
-                           (args->plans ? TRANSPORT_PLANS : 0u) |
-                           (args->statuses ? TRANSPORT_STATUSES : 0u) |
-                           (args->signals ? TRANSPORT_SIGNALS : 0u);
+    unsigned kinds = 0;
+    for (int kind = TRANSPORT_STATE; kind < TRANSPORT_MARK; ++kind) {
+        kinds |= args->wanted[kind] ? 1u << kind : 0u; // TRANSPORT_STATES and its like
+    }
     const int result = transport_open_with(&self->bus, args->url, kinds, &options->transport,
                                            error, sizeof error);
     if (result != TRANSPORT_OK) {
@@ -153,7 +161,11 @@ static void print_message(echo* self, const transport_message* message);
 
 static uint64_t heard(const echo* self)
 {
-    return self->states + self->plans + self->statuses + self->signals;
+    uint64_t sum = 0;
+    for (int kind = TRANSPORT_STATE; kind < TRANSPORT_MARK; ++kind) {
+        sum += self->heard[kind];
+    }
+    return sum;
 }
 
 /// Runs until a signal, the count or the end of a log. False: the output cannot be written.
@@ -187,39 +199,26 @@ static void print_state(const verge_vehicle_state_t* state);
 static void print_plan(const verge_vehicle_plan_t* plan);
 static void print_status(const verge_rsu_status_t* status);
 static void print_signal(const verge_lane_signal_t* signal);
+static void print_trajectory(const verge_vehicle_trajectory_t* trajectory);
 
 static void print_message(echo* self, const transport_message* message)
 {
-    const bool json = self->args->json;
-    if (json) {
+    if (message->kind == TRANSPORT_NONE || message->kind >= TRANSPORT_MARK) {
+        return;
+    }
+    ++self->heard[message->kind];
+    if (self->args->json) {
         print_json(message);
+        return;
     }
     switch (message->kind) {
-    case TRANSPORT_STATE:
-        ++self->states;
-        if (!json) {
-            print_state(&message->as.state);
-        }
-        break;
-    case TRANSPORT_PLAN:
-        ++self->plans;
-        if (!json) {
-            print_plan(&message->as.plan);
-        }
-        break;
-    case TRANSPORT_STATUS:
-        ++self->statuses;
-        if (!json) {
-            print_status(&message->as.status);
-        }
-        break;
-    case TRANSPORT_SIGNAL:
-        ++self->signals;
-        if (!json) {
-            print_signal(&message->as.signal);
-        }
-        break;
-    default: break;
+    case TRANSPORT_STATE: print_state(&message->as.state); break;
+    case TRANSPORT_PLAN: print_plan(&message->as.plan); break;
+    case TRANSPORT_STATUS: print_status(&message->as.status); break;
+    case TRANSPORT_SIGNAL: print_signal(&message->as.signal); break;
+    case TRANSPORT_TRAJECTORY: print_trajectory(&message->as.trajectory); break;
+    case TRANSPORT_MARK:
+    case TRANSPORT_NONE: break;
     }
 }
 
@@ -227,12 +226,13 @@ static void print_json(const transport_message* message)
 {
     static char buffer[2 * MESSAGE_JSON_MAX];
     text out = text_in(buffer, sizeof buffer);
-    const char* kind = message->kind == TRANSPORT_STATE  ? "state"
-                       : message->kind == TRANSPORT_PLAN ? "plan"
-                       : message->kind == TRANSPORT_SIGNAL ? "signal"
-                                                           : "status";
+    static const char* const kinds[] = {
+        [TRANSPORT_STATE] = "state",   [TRANSPORT_PLAN] = "plan",
+        [TRANSPORT_STATUS] = "status", [TRANSPORT_SIGNAL] = "signal",
+        [TRANSPORT_TRAJECTORY] = "trajectory",
+    };
     text_add(&out, "{\"kind\":\"%s\",\"arrival_utime\":%" PRId64 ",\"sender\":\"%016" PRIx64
-             "\",\"message\":", kind, message->arrival_utime, message->sender);
+             "\",\"message\":", kinds[message->kind], message->arrival_utime, message->sender);
     message_json(&out, message->kind, &message->as);
     text_add(&out, "}\n");
     fputs(out.bytes, stdout);
@@ -291,12 +291,31 @@ static void print_signal(const verge_lane_signal_t* signal)
     printf("\n");
 }
 
+static void print_trajectory(const verge_vehicle_trajectory_t* trajectory)
+{
+    printf("trajectory  vehicle %-4d %-9s", trajectory->vehicle_id,
+           wire_unit_mode_name(trajectory->mode));
+    if (trajectory->followed_cycle >= 0) {
+        printf(" rsu %d cycle %d", trajectory->rsu_id, trajectory->followed_cycle);
+    }
+    printf("  %s  %d points", message_plan_status(trajectory->status), trajectory->point_count);
+    if (trajectory->mode_reason != WIRE_UNIT_NONE) {
+        printf("  (%s", wire_unit_reason_name(trajectory->mode_reason));
+        if (trajectory->mode_vehicle >= 0) {
+            printf(", vehicle %d", trajectory->mode_vehicle);
+        }
+        printf(")");
+    }
+    printf("\n");
+}
+
 static void sum_up(const echo* self)
 {
     const transport_stats stats = transport_statistics(self->bus);
     fprintf(stderr, "verge-echo: %" PRIu64 " states, %" PRIu64 " plans, %" PRIu64 " status; %"
             PRIu64 " malformed, %" PRIu64 " dropped, %" PRIu64 " of other channels; %" PRIu64
-            " signals\n",
-            self->states, self->plans, self->statuses, stats.malformed, stats.dropped,
-            stats.foreign, self->signals);
+            " signals, %" PRIu64 " trajectories\n",
+            self->heard[TRANSPORT_STATE], self->heard[TRANSPORT_PLAN],
+            self->heard[TRANSPORT_STATUS], stats.malformed, stats.dropped, stats.foreign,
+            self->heard[TRANSPORT_SIGNAL], self->heard[TRANSPORT_TRAJECTORY]);
 }

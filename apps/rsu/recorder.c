@@ -72,6 +72,7 @@ static size_t size_of(transport_kind kind)
     case TRANSPORT_STATE: return sizeof(verge_vehicle_state_t);
     case TRANSPORT_SIGNAL: return sizeof(verge_lane_signal_t);
     case TRANSPORT_PLAN: return sizeof(verge_vehicle_plan_t);
+    case TRANSPORT_TRAJECTORY: return sizeof(verge_vehicle_trajectory_t);
     case TRANSPORT_MARK: return sizeof(transport_mark);
     default: return sizeof(((transport_message*)0)->as);
     }

@@ -232,6 +232,79 @@ static void test_a_signal_message_has_its_documented_fields_in_order(void** stat
     assert_string_equal(wire_signal_check(&bad), "state");
 }
 
+static void test_a_trajectory_message_has_its_documented_fields_in_order(void** state)
+{
+    (void)state;
+    verge_vehicle_trajectory_t m = {
+        .utime = 1700000000500000, .valid_until_utime = 1700000003500000,
+        .state_utime = 1700000000400000, .vehicle_id = 7, .sequence = 12, .mode = WIRE_DEPARTING,
+        .mode_reason = WIRE_UNIT_CONTACT, .mode_vehicle = 4, .rsu_id = 1, .followed_cycle = 33,
+        .map_crc32 = 0x1234567, .protocol_version = WIRE_PROTOCOL_VERSION, .status = 1, .reason = 2,
+        .why = 3, .why_vehicle = 4, .why_lane = 5, .lane = 6, .action = 2, .brake_light = 1,
+        .turn_signal = -1, .dt_ms = 100, .point_count = 2,
+    };
+    m.points[1] = (verge_plan_point_t){ 1.5, -2.5, 0.25f, 9.0f, -1.0f, 0.125f };
+    writer w = { .size = 0 };
+    WRITE(&w, int64_t, m.utime);
+    WRITE(&w, int64_t, m.valid_until_utime);
+    WRITE(&w, int64_t, m.state_utime);
+    WRITE(&w, int32_t, m.vehicle_id);
+    WRITE(&w, int32_t, m.sequence);
+    WRITE(&w, int16_t, m.mode);
+    WRITE(&w, int16_t, m.mode_reason);
+    WRITE(&w, int32_t, m.mode_vehicle);
+    WRITE(&w, int32_t, m.rsu_id);
+    WRITE(&w, int32_t, m.followed_cycle);
+    WRITE(&w, int32_t, m.map_crc32);
+    WRITE(&w, int16_t, m.protocol_version);
+    WRITE(&w, int16_t, m.status);
+    WRITE(&w, int16_t, m.reason);
+    WRITE(&w, int16_t, m.why);
+    WRITE(&w, int32_t, m.why_vehicle);
+    WRITE(&w, int32_t, m.why_lane);
+    WRITE(&w, int32_t, m.lane);
+    WRITE(&w, int16_t, m.action);
+    WRITE(&w, int16_t, m.brake_light);
+    WRITE(&w, int16_t, m.turn_signal);
+    WRITE(&w, int16_t, m.dt_ms);
+    WRITE(&w, int32_t, m.point_count);
+    for (int i = 0; i < WIRE_POINTS_MAX; ++i) {
+        WRITE(&w, double, m.points[i].x);
+        WRITE(&w, double, m.points[i].y);
+        WRITE(&w, float, m.points[i].heading);
+        WRITE(&w, float, m.points[i].speed);
+        WRITE(&w, float, m.points[i].acceleration);
+        WRITE(&w, float, m.points[i].curvature);
+    }
+    check_encoding(TRANSPORT_TRAJECTORY, &m, &w);
+    assert_null(wire_trajectory_check(&m));
+    verge_vehicle_trajectory_t bad = m;
+    bad.valid_until_utime = m.utime - 1;
+    assert_string_equal(wire_trajectory_check(&bad), "valid_until_utime");
+    bad = m;
+    bad.mode = WIRE_UNIT_MODES;
+    assert_string_equal(wire_trajectory_check(&bad), "mode");
+    bad = m;
+    bad.mode_reason = WIRE_UNIT_REASONS;
+    assert_string_equal(wire_trajectory_check(&bad), "mode_reason");
+}
+
+static void test_each_mode_and_reason_of_an_on_vehicle_unit_has_a_name_of_its_own(void** state)
+{
+    (void)state;
+    for (int32_t i = 0; i < WIRE_UNIT_REASONS; ++i) {
+        assert_string_not_equal(wire_unit_reason_name(i), "unknown");
+        for (int32_t k = 0; k < i; ++k) {
+            assert_string_not_equal(wire_unit_reason_name(i), wire_unit_reason_name(k));
+        }
+    }
+    for (int32_t i = 0; i < WIRE_UNIT_MODES; ++i) {
+        assert_string_not_equal(wire_unit_mode_name(i), "unknown");
+    }
+    assert_string_equal(wire_unit_mode_name(-1), "unknown");
+    assert_string_equal(wire_unit_reason_name(WIRE_UNIT_REASONS), "unknown");
+}
+
 /// With LCM's header and its signature; on DDS with RTPS's headers, a heartbeat and the address of
 /// one reader, which a repeated plan has.
 static void test_every_message_fits_one_datagram(void** state)
@@ -738,6 +811,8 @@ int main(void)
         cmocka_unit_test(test_a_state_message_has_its_documented_fields_in_order),
         cmocka_unit_test(test_a_plan_message_has_its_documented_fields_in_order),
         cmocka_unit_test(test_a_signal_message_has_its_documented_fields_in_order),
+        cmocka_unit_test(test_a_trajectory_message_has_its_documented_fields_in_order),
+        cmocka_unit_test(test_each_mode_and_reason_of_an_on_vehicle_unit_has_a_name_of_its_own),
         cmocka_unit_test(test_every_message_fits_one_datagram),
         cmocka_unit_test(test_decoding_returns_what_was_encoded),
         cmocka_unit_test(test_the_checksum_of_the_fields_is_that_of_the_bytes),

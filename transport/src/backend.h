@@ -76,7 +76,7 @@
 /// The bits of `receive` that request messages.
 enum {
     RECEIVE_MASK = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES | TRANSPORT_SIGNALS
-                   | TRANSPORT_MARKS,
+                   | TRANSPORT_TRAJECTORIES | TRANSPORT_MARKS,
 };
 
 /// transport_stats, countable by two threads.

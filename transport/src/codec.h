@@ -48,6 +48,10 @@ enum {
 #define SIGNAL(type, name, ...) + sizeof((verge_lane_signal_t*)0)->name
 #include "messages.def"
     ,
+    CODEC_TRAJECTORY_SIZE = CODEC_FINGERPRINT_SIZE + WIRE_POINTS_MAX * CODEC_POINT_SIZE
+#define TRAJECTORY(type, name, ...) + sizeof((verge_vehicle_trajectory_t*)0)->name
+#include "messages.def"
+    ,
     CODEC_MARK_SIZE = 32,
     CODEC_SIZE_MAX = CODEC_PLAN_SIZE,
 };

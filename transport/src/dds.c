@@ -45,7 +45,7 @@
 #include <unistd.h>
 
 enum {
-    KINDS = TRANSPORT_SIGNAL + 1, // array size; TRANSPORT_NONE is unused
+    KINDS = TRANSPORT_TRAJECTORY + 1, // array size; TRANSPORT_NONE is unused
     INSTANCES_MAX = 1024,         // 1.3 MB of plans, 90 KB of states
     BUSES_MAX = 32,               // of a process
     LINE_SIZE = COMPLAINT_SIZE,
@@ -453,7 +453,7 @@ static dds_qos_t* quality_of(transport_kind kind)
 {
     dds_qos_t* quality = dds_create_qos();
     dds_qset_history(quality, DDS_HISTORY_KEEP_LAST, 1);
-    if (kind == TRANSPORT_STATE) {
+    if (kind == TRANSPORT_STATE || kind == TRANSPORT_TRAJECTORY) { // a newer one comes in 0.1 s
         dds_qset_reliability(quality, DDS_RELIABILITY_BEST_EFFORT, 0);
     } else {
         dds_qset_reliability(quality, DDS_RELIABILITY_RELIABLE, DDS_MSECS(5));
@@ -535,15 +535,16 @@ static int reader_open(dds* self, transport_kind kind)
     return reader < 0 ? reader : 0;
 }
 
-/// 0 or a return code of Cyclone's. Deadlines: a state is due every 0.1 s, a status or a signal
-/// every second; five and two of them may be lost. Readers need not require them.
+/// 0 or a return code of Cyclone's. Deadlines: a state or a trajectory is due every 0.1 s, a status
+/// or a signal every second; five and two of them may be lost. Readers need not require them.
 static int writer_open(dds* self, transport_kind kind)
 {
     dds_qos_t* quality = quality_of(kind);
     dds_qset_writer_data_lifecycle(quality, false);
     dds_qset_liveliness(quality, DDS_LIVELINESS_AUTOMATIC, DDS_SECS(2));
     switch (kind) {
-    case TRANSPORT_STATE: dds_qset_deadline(quality, DDS_MSECS(500)); break;
+    case TRANSPORT_STATE:
+    case TRANSPORT_TRAJECTORY: dds_qset_deadline(quality, DDS_MSECS(500)); break;
     case TRANSPORT_PLAN: dds_qset_lifespan(quality, DDS_SECS(3)); break;
     case TRANSPORT_STATUS:
     case TRANSPORT_SIGNAL: dds_qset_deadline(quality, DDS_SECS(3)); break;

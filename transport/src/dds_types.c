@@ -11,6 +11,7 @@
 #define verge_plan_stop_t idl_plan_stop_t
 #define verge_plan_point_t idl_plan_point_t
 #define verge_lane_signal_t idl_lane_signal_t
+#define verge_vehicle_trajectory_t idl_vehicle_trajectory_t
 #define verge_vehicle_plan_t idl_vehicle_plan_t
 #define verge_rsu_status_t idl_rsu_status_t
 #include "verge.h"
@@ -20,6 +21,7 @@
 #undef verge_plan_stop_t
 #undef verge_plan_point_t
 #undef verge_lane_signal_t
+#undef verge_vehicle_trajectory_t
 #undef verge_vehicle_plan_t
 #undef verge_rsu_status_t
 
@@ -37,6 +39,8 @@
 #define PASS(type, name, ...) SAME(plan_pass_t, name);
 #define STOP(type, name, ...) SAME(plan_stop_t, name);
 #define SIGNAL(type, name, ...) SAME(lane_signal_t, name);
+#define TRAJECTORY(type, name, ...) SAME(vehicle_trajectory_t, name);
+#define TRAJECTORY_ARRAY(part, name, ...) SAME(vehicle_trajectory_t, name);
 #define POINT(type, name, ...) SAME(plan_point_t, name);
 #define PLAN(type, name, ...) SAME(vehicle_plan_t, name);
 #define PLAN_ARRAY(part, name, ...) SAME(vehicle_plan_t, name);

@@ -71,6 +71,14 @@ static const message_field signal_fields[] = {
 #define SIGNAL(...) ROW(verge_lane_signal_t, "", __VA_ARGS__)
 #include "messages.def"
 };
+static const message_field trajectory_fields[] = {
+#define TRAJECTORY(...) ROW(verge_vehicle_trajectory_t, "", __VA_ARGS__)
+#define TRAJECTORY_ARRAY(part, name, length, count, text)                                \
+    { #name, #name, MESSAGE_ARRAY, offsetof(verge_vehicle_trajectory_t, name), "", ANY, text, \
+      &part, length, offsetof(verge_vehicle_trajectory_t, count) },
+#include "messages.def"
+};
+static const message_struct vehicle_trajectory_t = TABLE(vehicle_trajectory_t, trajectory_fields);
 static const message_struct lane_signal_t = TABLE(lane_signal_t, signal_fields);
 static const message_struct vehicle_state_t = TABLE(vehicle_state_t, state_fields);
 static const message_struct vehicle_plan_t = TABLE(vehicle_plan_t, plan_fields);

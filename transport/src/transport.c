@@ -203,6 +203,11 @@ int transport_publish_signal(transport* bus, const verge_lane_signal_t* signal)
     return publish(bus, backend_utime_now(), TRANSPORT_SIGNAL, signal);
 }
 
+int transport_publish_trajectory(transport* bus, const verge_vehicle_trajectory_t* trajectory)
+{
+    return publish(bus, backend_utime_now(), TRANSPORT_TRAJECTORY, trajectory);
+}
+
 int transport_record(transport* bus, int64_t event_utime, const transport_message* message)
 {
     if (!bus->bus->keeps_time || message->kind == TRANSPORT_NONE) {

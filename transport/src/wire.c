@@ -58,6 +58,31 @@ const char* wire_signal_check(const verge_lane_signal_t* signal)
     return fault == NULL && early ? "change_utime" : fault;
 }
 
+const char* wire_trajectory_check(const verge_vehicle_trajectory_t* trajectory)
+{
+    const char* fault = message_check(TRANSPORT_TRAJECTORY, trajectory);
+    const bool  early = trajectory->valid_until_utime < trajectory->utime;
+    return fault == NULL && early ? "valid_until_utime" : fault;
+}
+
+const char* wire_unit_mode_name(int32_t mode)
+{
+    static const char* const names[] = { "following", "departing", "alone", "stopping" };
+    static_assert(sizeof names / sizeof names[0] == WIRE_UNIT_MODES, "one name for each mode");
+    return mode >= 0 && mode < WIRE_UNIT_MODES ? names[mode] : "unknown";
+}
+
+const char* wire_unit_reason_name(int32_t reason)
+{
+    static const char* const names[] = {
+        "none",        "contact",   "plan_far",      "never_heard", "silent",      "cancelled",
+        "plan_over",   "other_map", "other_version", "not_wanted",  "no_position", "touching",
+        "off_road",    "refused",
+    };
+    static_assert(sizeof names / sizeof names[0] == WIRE_UNIT_REASONS, "one name for each reason");
+    return reason >= 0 && reason < WIRE_UNIT_REASONS ? names[reason] : "unknown";
+}
+
 verge_vehicle wire_vehicle_from_state(const verge_vehicle_state_t* state)
 {
     assert(wire_state_check(state) == NULL);

@@ -39,6 +39,7 @@
 #include "verge_rsu_status_t.h"
 #include "verge_vehicle_plan_t.h"
 #include "verge_vehicle_state_t.h"
+#include "verge_vehicle_trajectory_t.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -98,6 +99,7 @@ typedef enum transport_kind {
     TRANSPORT_PLAN,   ///< VERGE_PLAN, verge_vehicle_plan_t
     TRANSPORT_STATUS, ///< VERGE_STATUS, verge_rsu_status_t
     TRANSPORT_SIGNAL, ///< VERGE_SIGNAL, verge_lane_signal_t
+    TRANSPORT_TRAJECTORY, ///< VERGE_TRAJECTORY, verge_vehicle_trajectory_t
     TRANSPORT_MARK,   ///< VERGE_CYCLE, only in logs written by the daemon: a cycle or overrun mark
 } transport_kind;
 
@@ -107,6 +109,7 @@ enum {
     TRANSPORT_PLANS = 1u << TRANSPORT_PLAN,
     TRANSPORT_STATUSES = 1u << TRANSPORT_STATUS,
     TRANSPORT_SIGNALS = 1u << TRANSPORT_SIGNAL,
+    TRANSPORT_TRAJECTORIES = 1u << TRANSPORT_TRAJECTORY,
     TRANSPORT_MARKS = 1u << TRANSPORT_MARK,
     /// Kinds that will be sent: dds: begins to discover their readers at open. The first messages
     /// of a kind that was not announced may not reach any reader.
@@ -114,6 +117,7 @@ enum {
     TRANSPORT_SENDS_PLANS = 1u << (8 + TRANSPORT_PLAN),
     TRANSPORT_SENDS_STATUSES = 1u << (8 + TRANSPORT_STATUS),
     TRANSPORT_SENDS_SIGNALS = 1u << (8 + TRANSPORT_SIGNAL),
+    TRANSPORT_SENDS_TRAJECTORIES = 1u << (8 + TRANSPORT_TRAJECTORY),
     TRANSPORT_RECORD = 1u << 16, ///< log: only: create the file and write what is published
 };
 
@@ -136,6 +140,7 @@ typedef struct transport_message {
         verge_vehicle_plan_t  plan;
         verge_rsu_status_t    status;
         verge_lane_signal_t   signal;
+        verge_vehicle_trajectory_t trajectory;
         transport_mark        mark;
     } as;
 } transport_message;
@@ -221,6 +226,7 @@ int  transport_publish_state(transport* bus, const verge_vehicle_state_t* state)
 int  transport_publish_plan(transport* bus, const verge_vehicle_plan_t* plan);
 int  transport_publish_status(transport* bus, const verge_rsu_status_t* status);
 int  transport_publish_signal(transport* bus, const verge_lane_signal_t* signal);
+int  transport_publish_trajectory(transport* bus, const verge_vehicle_trajectory_t* trajectory);
 /// log: when recording only: as above, for all kinds and marks, with the given time of the event.
 int  transport_record(transport* bus, int64_t event_utime, const transport_message* message);
 

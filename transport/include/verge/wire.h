@@ -31,6 +31,45 @@ const char* wire_plan_check(const verge_vehicle_plan_t* plan);
 /// Null: every field of a signal is in its range, and change_utime is 0 or not before utime.
 const char* wire_signal_check(const verge_lane_signal_t* signal);
 
+/// Null: every field of a trajectory is in its range, and valid_until_utime is not before utime.
+const char* wire_trajectory_check(const verge_vehicle_trajectory_t* trajectory);
+
+/// What an on-vehicle unit does: the mode of its trajectory.
+typedef enum wire_unit_mode {
+    WIRE_FOLLOWING = 0, ///< drives the plan of the roadside unit
+    WIRE_DEPARTING = 1, ///< that plan is no longer safe or does not fit: own trajectory, by the
+                        ///< decision of the plan where that is possible
+    WIRE_ALONE = 2,     ///< there is no plan: own decision
+    WIRE_STOPPING = 3,  ///< no position, or a contact: brakes to standstill in the lane
+} wire_unit_mode;
+
+/// Why an on-vehicle unit is in its mode.
+typedef enum wire_unit_reason {
+    WIRE_UNIT_NONE = 0,
+    // departing
+    WIRE_UNIT_CONTACT = 1,       ///< the plan meets a body, as the unit predicts that body now
+    WIRE_UNIT_PLAN_FAR = 2,      ///< the plan is more than 1 m or 1 m/s from the vehicle's state
+    // alone
+    WIRE_UNIT_NEVER_HEARD = 3,   ///< no roadside unit was heard yet
+    WIRE_UNIT_SILENT = 4,        ///< no plan for three cycles of the roadside unit
+    WIRE_UNIT_CANCELLED = 5,     ///< the roadside unit has withdrawn the plan
+    WIRE_UNIT_PLAN_OVER = 6,     ///< the plan has ended, and no newer one came
+    WIRE_UNIT_OTHER_MAP = 7,     ///< the plan was made with another road
+    WIRE_UNIT_OTHER_VERSION = 8, ///< the plan has another protocol version
+    WIRE_UNIT_NOT_WANTED = 9,    ///< the vehicle does not ask for plans (controlled 0)
+    // stopping
+    WIRE_UNIT_NO_POSITION = 10,  ///< the own state is missing or too old
+    WIRE_UNIT_TOUCHING = 11,     ///< the body overlaps another one
+    WIRE_UNIT_OFF_ROAD = 12,     ///< the vehicle is on no lane
+    WIRE_UNIT_REFUSED = 13,      ///< the own state cannot be planned from
+} wire_unit_reason;
+enum { WIRE_UNIT_MODES = 4, WIRE_UNIT_REASONS = 14 };
+
+/// "following", "departing", "alone", "stopping"; "unknown". Never null.
+const char* wire_unit_mode_name(int32_t mode);
+/// "contact", "plan_far", ...; "none" for 0; "unknown". Never null.
+const char* wire_unit_reason_name(int32_t reason);
+
 /// A checked state as input of the planner, at the state's own utime, without margin. cooperation
 /// NaN: that of the habit; heading, speed, acceleration NaN: 0. The weights are always those of the
 /// habit.

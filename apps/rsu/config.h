@@ -39,9 +39,10 @@
 #define VERGE_RSU_CONFIG_H
 
 #include "cycle.h"
-#include "service.h"
 
 #include "common/bus_json.h"
+#include "daemon/exit.h"
+#include "daemon/service.h"
 #include "verge/verge.h"
 
 #include <stdio.h>
@@ -50,19 +51,8 @@ enum {
     CONFIG_CYCLE_MS_MIN = 10,
     CONFIG_CYCLE_MS_MAX = 5000,
     CONFIG_CYCLE_MS_DEFAULT = 500,
-    CONFIG_ERROR_SIZE = 512,
     CONFIG_BUS_SIZE = 256,
     CONFIG_BUSES_MAX = INBOX_BUSES_MAX,
-};
-
-/// Exit codes of the daemon, those of sysexits.h.
-enum {
-    EXIT_USAGE = 64,       ///< wrong options
-    EXIT_NO_INPUT = 66,    ///< a named file cannot be read
-    EXIT_UNAVAILABLE = 69, ///< no bus
-    EXIT_SOFTWARE = 70,    ///< an internal error
-    EXIT_OS = 71,          ///< the system refused memory, a thread or a descriptor
-    EXIT_CONFIG = 78,      ///< the configuration is wrong
 };
 
 typedef struct config {

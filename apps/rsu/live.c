@@ -7,18 +7,18 @@
 #include "live.h"
 
 #include "cycle.h"
-#include "log.h"
-#include "notify.h"
+#include "monitor.h"
 #include "operators.h"
-#include "realtime.h"
-#include "recorder.h"
 #include "reload.h"
 #include "status.h"
-#include "monitor.h"
-#include "worker.h"
 
 #include "common/floating.h"
 #include "common/vehicle_fault.h"
+#include "daemon/log.h"
+#include "daemon/notify.h"
+#include "daemon/realtime.h"
+#include "daemon/recorder.h"
+#include "daemon/worker.h"
 
 #include <errno.h>
 #include <inttypes.h>

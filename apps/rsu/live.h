@@ -8,7 +8,7 @@
 #ifndef VERGE_RSU_LIVE_H
 #define VERGE_RSU_LIVE_H
 
-#include "log.h"
+#include "daemon/log.h"
 
 #include <stdint.h>
 

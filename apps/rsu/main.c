@@ -1,14 +1,14 @@
 /// verge-rsu: the roadside daemon. This file reads the options; live.c runs the daemon, replay.c a
-/// replay. Exit codes: config.h.
+/// replay. Exit codes: daemon/exit.h.
 #include "buses.h"
 #include "config.h"
 #include "live.h"
-#include "log.h"
 #include "replay.h"
 
 #include "common/floating.h"
 #include "common/options.h"
 #include "common/road_report.h"
+#include "daemon/log.h"
 
 #include <errno.h>
 #include <inttypes.h>

@@ -1,6 +1,6 @@
 #include "monitor.h"
 
-#include "log.h"
+#include "daemon/log.h"
 
 #include <inttypes.h>
 #include <stdio.h>

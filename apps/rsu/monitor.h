@@ -7,9 +7,10 @@
 #define VERGE_RSU_MONITOR_H
 
 #include "cycle.h"
-#include "notify.h"
 #include "reload.h"
 #include "status.h"
+
+#include "daemon/notify.h"
 
 /// One moment by both clocks.
 typedef struct instant {

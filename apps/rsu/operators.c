@@ -1,9 +1,10 @@
 /// See operators.h.
 #include "operators.h"
 
-#include "log.h"
-#include "replace.h"
 #include "report.h"
+
+#include "daemon/log.h"
+#include "daemon/replace.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -8,10 +8,11 @@
 
 #include "config.h"
 #include "cycle.h"
-#include "outlet.h"
 #include "reload.h"
 #include "report.h"
-#include "server.h"
+
+#include "daemon/outlet.h"
+#include "daemon/server.h"
 
 #include <stdatomic.h>
 

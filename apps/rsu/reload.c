@@ -2,9 +2,8 @@
 /// thread does not touch the data of the job until the worker is collected.
 #include "reload.h"
 
-#include "realtime.h"
-
 #include "common/floating.h"
+#include "daemon/realtime.h"
 
 #include <assert.h>
 #include <errno.h>

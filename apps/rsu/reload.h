@@ -19,10 +19,10 @@
 
 #include "buses.h"
 #include "config.h"
-#include "recorder.h"
-#include "worker.h"
 
 #include "common/executor.h"
+#include "daemon/recorder.h"
+#include "daemon/worker.h"
 
 /// A configuration and what was made for it.
 typedef struct setup {

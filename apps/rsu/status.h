@@ -4,7 +4,8 @@
 
 #include "config.h"
 #include "cycle.h"
-#include "timing.h"
+
+#include "daemon/timing.h"
 
 /// Values are those of the wire.
 typedef enum rsu_state {

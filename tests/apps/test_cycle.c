@@ -8,7 +8,7 @@
 #include "rsu/cycle.h"
 #include "rsu/overrun.h"
 #include "rsu/replay.h"
-#include "rsu/timing.h"
+#include "daemon/timing.h"
 
 #include "common/executor.h"
 

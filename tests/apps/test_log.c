@@ -4,7 +4,7 @@
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/log.h"
+#include "daemon/log.h"
 
 #include "common/json.h"
 

@@ -4,7 +4,7 @@
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/notify.h"
+#include "daemon/notify.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -4,7 +4,7 @@
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/outlet.h"
+#include "daemon/outlet.h"
 
 #include <pthread.h>
 #include <stdio.h>

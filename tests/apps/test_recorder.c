@@ -4,7 +4,7 @@
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/recorder.h"
+#include "daemon/recorder.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -5,8 +5,8 @@
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/replace.h"
-#include "rsu/server.h"
+#include "daemon/replace.h"
+#include "daemon/server.h"
 
 #include <errno.h>
 #include <fcntl.h>

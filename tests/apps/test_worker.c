@@ -4,7 +4,7 @@
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/worker.h"
+#include "daemon/worker.h"
 
 #include <errno.h>
 #include <poll.h>

@@ -2,8 +2,8 @@
 ///
 /// The percentile is taken over the last TIMING_RING cycles by the nearest-rank method; the largest
 /// is that of all cycles since the start. timing_p99() sorts at most 1,024 numbers.
-#ifndef VERGE_RSU_TIMING_H
-#define VERGE_RSU_TIMING_H
+#ifndef VERGE_DAEMON_TIMING_H
+#define VERGE_DAEMON_TIMING_H
 
 #include <stdint.h>
 

@@ -13,8 +13,8 @@
 ///
 /// Memory      server_open_*() allocate everything; nothing else does.
 /// Threads     One. Null is a server without clients.
-#ifndef VERGE_RSU_SERVER_H
-#define VERGE_RSU_SERVER_H
+#ifndef VERGE_DAEMON_SERVER_H
+#define VERGE_DAEMON_SERVER_H
 
 #include "common/text.h"
 

@@ -1,9 +1,9 @@
-/// The members "control", "metrics", "realtime" and "log_format" of the configuration: what the
-/// daemon serves to operators, and what it requests from the system. See config.h for each.
+/// The members "control", "metrics", "realtime" and "log_format" of a configuration: what the
+/// daemon serves to operators, and what it requests from the system.
 ///
 /// Memory      All in the struct.
-#ifndef VERGE_RSU_SERVICE_H
-#define VERGE_RSU_SERVICE_H
+#ifndef VERGE_DAEMON_SERVICE_H
+#define VERGE_DAEMON_SERVICE_H
 
 #include "log.h"
 

@@ -12,8 +12,8 @@
 ///
 /// Memory      outlet_create() allocates everything; outlet_close() frees it.
 /// Threads     One thread calls; write() and end() run in the thread of the outlet.
-#ifndef VERGE_RSU_OUTLET_H
-#define VERGE_RSU_OUTLET_H
+#ifndef VERGE_DAEMON_OUTLET_H
+#define VERGE_DAEMON_OUTLET_H
 
 #include <stdbool.h>
 #include <stddef.h>

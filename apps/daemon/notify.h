@@ -8,8 +8,8 @@
 ///
 /// Without $NOTIFY_SOCKET, or if the manager does not listen, the calls do nothing. Nothing
 /// allocates, nothing blocks.
-#ifndef VERGE_RSU_NOTIFY_H
-#define VERGE_RSU_NOTIFY_H
+#ifndef VERGE_DAEMON_NOTIFY_H
+#define VERGE_DAEMON_NOTIFY_H
 
 #include <stdbool.h>
 #include <stdint.h>

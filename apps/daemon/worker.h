@@ -5,8 +5,8 @@
 /// the planner does. So the step runs here, and a descriptor shows its end to the main thread. One
 /// job at a time; from worker_start() to worker_collect() the job's data belongs to the worker.
 /// Nothing is allocated after worker_create().
-#ifndef VERGE_RSU_WORKER_H
-#define VERGE_RSU_WORKER_H
+#ifndef VERGE_DAEMON_WORKER_H
+#define VERGE_DAEMON_WORKER_H
 
 #include "common/thread.h"
 

@@ -1,8 +1,8 @@
 /// What keeps planning on time: a priority and processors for the planning threads (set where they
 /// are started, see thread.h), and memory that is never paged out. If the system refuses one of
 /// them, the daemon does not start and prints the reason and the remedy.
-#ifndef VERGE_RSU_REALTIME_H
-#define VERGE_RSU_REALTIME_H
+#ifndef VERGE_DAEMON_REALTIME_H
+#define VERGE_DAEMON_REALTIME_H
 
 #include "service.h"
 

@@ -1,6 +1,6 @@
 /// Replaces a small file as a whole: a reader gets the old or the new content, never a part.
-#ifndef VERGE_RSU_REPLACE_H
-#define VERGE_RSU_REPLACE_H
+#ifndef VERGE_DAEMON_REPLACE_H
+#define VERGE_DAEMON_REPLACE_H
 
 #include <stddef.h>
 

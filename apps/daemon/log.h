@@ -17,8 +17,8 @@
 ///             works again, the event log_dropped gives their number.
 /// Memory      log_start() allocates the queue; nothing else allocates.
 /// Threads     Only the main thread calls.
-#ifndef VERGE_RSU_LOG_H
-#define VERGE_RSU_LOG_H
+#ifndef VERGE_DAEMON_LOG_H
+#define VERGE_DAEMON_LOG_H
 
 #include <stdbool.h>
 #include <stdint.h>

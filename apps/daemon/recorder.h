@@ -11,8 +11,8 @@
 ///             again. Any other failure ends the recording; the log is complete up to that event.
 /// Memory      recorder_open() allocates everything; recorder_close() frees it.
 /// Threads     The main one.
-#ifndef VERGE_RSU_RECORDER_H
-#define VERGE_RSU_RECORDER_H
+#ifndef VERGE_DAEMON_RECORDER_H
+#define VERGE_DAEMON_RECORDER_H
 
 #include "verge/transport.h"
 

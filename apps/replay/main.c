@@ -121,7 +121,7 @@ static int replay_log(const char* path, const char* config_path, const uint64_t*
     const replay_options options = { .log_path = path };
     int code = config_load(&config, config_path, error);
     if (code == 0) {
-        config->planner.seed = seed != NULL ? *seed : config->planner.seed;
+        config->site.planner.seed = seed != NULL ? *seed : config->site.planner.seed;
         code = replay_run(&options, config, &report, error);
     }
     config_free(config);
@@ -159,7 +159,7 @@ typedef struct recording {
     // A run of verge-publish is planned again while it is read.
     const char*    config_path; // of the daemon; null: the scenario has its parameters
     config*        config;
-    config_planner planner;
+    planning       planner;
     bus_run        bus;
     bool           on_bus;
 } recording;
@@ -190,7 +190,7 @@ static int replay_run_file(const char* path, FILE* file, const char* config_path
     }
     free(self.digests);
     bus_run_free(&self.bus);
-    config_planner_free(&self.planner);
+    planning_close(&self.planner);
     config_free(self.config);
     return code;
 }
@@ -317,8 +317,9 @@ static bool open_bus_run(recording* self, const json_at* start, const uint64_t* 
     if (self->config_path != NULL) {
         int code = config_load(&self->config, self->config_path, error);
         if (code == 0) {
-            self->config->planner.seed = seed != NULL ? *seed : self->config->planner.seed;
-            code = config_planner_build(&self->planner, self->config, NULL, NULL, error);
+            verge_planner_def* planner = &self->config->site.planner;
+            planner->seed = seed != NULL ? *seed : planner->seed;
+            code = planning_open(&self->planner, planner, NULL, error);
         }
         if (code != 0) {
             error[strcspn(error, "\n")] = '\0';
@@ -329,7 +330,7 @@ static bool open_bus_run(recording* self, const json_at* start, const uint64_t* 
     }
     const bool configured = self->config != NULL;
     self->on_bus = bus_run_init(&self->bus, &self->scene, start_utime, &def,
-                                configured ? &self->config->planner : &self->scene.def,
+                                configured ? &self->config->site.planner : &self->scene.def,
                                 configured ? self->planner.memory : self->scene.arena,
                                 configured ? self->planner.size : self->scene.arena_size);
     return self->on_bus || json_fail(start, "out of memory");

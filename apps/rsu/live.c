@@ -128,16 +128,16 @@ static int start(live* self)
     self->status.start_utime = clock_us(CLOCK_REALTIME);
     const cycle_def def = config_cycle_def(self->now.config, &self->now.planner);
     cycle_init(&self->cycle, &def);
-    arm(self->cycle_fd, self->now.config->cycle_ms);
+    const site* site = &self->now.config->site;
+    arm(self->cycle_fd, site->cycle_ms);
     arm(self->status_fd, STATUS_PERIOD_MS);
-    char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
-    config_bus_list(self->now.config, buses, sizeof buses);
+    char buses[SITE_BUSES_MAX * SITE_BUS_SIZE];
+    site_bus_list(site, buses, sizeof buses);
     log_event(LOG_ALWAYS, "READY",
               "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=0x%08x "
               "config_crc32=0x%08x",
-              VERGE_VERSION_STRING, self->now.config->rsu_id, buses,
-              self->now.config->cycle_ms, self->now.planner.size, self->now.config->map_crc32,
-              self->now.config->config_crc32);
+              VERGE_VERSION_STRING, self->now.config->rsu_id, buses, site->cycle_ms,
+              self->now.planner.size, site->map_crc32, site->config_crc32);
     notify_send(&self->notify, "READY=1");
     return 0;
 }
@@ -157,17 +157,17 @@ static void open_notify(live* self)
 static void check_patience(const live* self)
 {
     const int64_t patience_us = self->notify.watchdog_us;
-    if (patience_us > 0 && patience_us < 2000 * (int64_t)self->now.config->cycle_ms) {
+    if (patience_us > 0 && patience_us < 2000 * (int64_t)self->now.config->site.cycle_ms) {
         log_event(LOG_WARNING, "watchdog_short",
                   "watchdog_us=%" PRId64 " cycle_ms=%u expected=\"WatchdogSec of at least two "
-                  "cycles\"", patience_us, self->now.config->cycle_ms);
+                  "cycles\"", patience_us, self->now.config->site.cycle_ms);
     }
 }
 
 static void open_log(const live* self)
 {
     const log_format* asked = self->options->log_format;
-    log_setup(asked != NULL ? *asked : self->now.config->service.log_format);
+    log_setup(asked != NULL ? *asked : self->now.config->site.service.log_format);
 }
 
 /// Logged once, because whatever changes the mode usually does so again and again.
@@ -188,7 +188,7 @@ static int load(live* self)
     if (code != 0) {
         return fail(code, error);
     }
-    realtime_prepare(&self->now.config->service);
+    realtime_prepare(&self->now.config->site.service);
     open_log(self);
     if (!log_start()) {
         return fail(EXIT_OS, "the system refused a thread for the log, expected a higher "
@@ -213,7 +213,8 @@ static void log_complaint(void* context, const char* line)
 static int open_ends(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int result = buses_open(&self->now.buses, self->now.config, log_complaint, error, sizeof error);
+    int result = buses_open(&self->now.buses, &self->now.config->site, CONFIG_BUS_USE,
+                            log_complaint, error, sizeof error);
     if (result != TRANSPORT_OK) {
         return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
     }
@@ -254,7 +255,7 @@ static int open_descriptors(live* self)
         return fail(EXIT_OS, "the system refused a descriptor, expected a higher LimitNOFILE");
     }
     char error[CONFIG_ERROR_SIZE];
-    const service* service = &self->now.config->service;
+    const service* service = &self->now.config->site.service;
     self->worker = worker_create("verge-plan", &service->planning);
     if (self->worker == NULL) {
         realtime_explain(service, errno, error, sizeof error);
@@ -275,7 +276,7 @@ static reload_result reload(void* context, uint64_t* ticket, const char** reason
 static int open_operators(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    const service*      service = &self->now.config->service;
+    const service*      service = &self->now.config->site.service;
     const operators_def def = { .context = self, .view = view, .reload = reload };
     const int code = operators_open(&self->operators, service, &def, error);
     if (code != 0) {
@@ -318,7 +319,7 @@ static void loop(live* self)
 {
     const int64_t limit = self->options->cycles;
     for (;;) {
-        struct pollfd ends[OWN_ENDS + CONFIG_BUSES_MAX + OPERATORS_ENDS] = {
+        struct pollfd ends[OWN_ENDS + SITE_BUSES_MAX + OPERATORS_ENDS] = {
             { .fd = self->signal_fd, .events = POLLIN },
             { .fd = worker_fd(self->worker), .events = POLLIN },
             { .fd = reloader_fd(&self->reloader), .events = POLLIN },
@@ -387,10 +388,10 @@ static void receive_message(live* self, const transport_message* message)
         transport_sender_text(self->now.buses.bus[message->bus], message->sender, sender,
                               sizeof sender);
         status_fault(&self->status, RSU_FAULT_ID_CONFLICT, clock_us(CLOCK_MONOTONIC), false);
-        const uint32_t cause = (uint32_t)vehicle * CONFIG_BUSES_MAX + message->bus;
+        const uint32_t cause = (uint32_t)vehicle * SITE_BUSES_MAX + message->bus;
         log_repeated(LOG_WARNING, "id_conflict", cause,
                      "vehicle=%d bus=%s refused_sender=%s", vehicle,
-                     self->now.config->bus[message->bus], sender);
+                     self->now.config->site.bus[message->bus], sender);
     } else {
         log_event(LOG_DEBUG, "state_refused", "vehicle=%d", vehicle);
     }
@@ -482,7 +483,7 @@ static void on_tick(live* self)
         status_fault(&self->status, RSU_FAULT_DEADLINE, clock_us(CLOCK_MONOTONIC), false);
         log_repeated(LOG_WARNING, "deadline_missed", 0,
                      "cycle=%" PRId64 " cycle_ms=%u total=%" PRIu64, self->cycle.number,
-                     self->now.config->cycle_ms, self->status.deadline_misses);
+                     self->now.config->site.cycle_ms, self->status.deadline_misses);
     }
     if (busy) {
         send_overrun(self);
@@ -574,7 +575,7 @@ static void send_messages(live* self)
 {
     for (uint32_t i = 0; i < self->cycle.message_count; i++) {
         const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
-        buses_publish_plan(&self->now.buses, plan);
+        buses_publish(&self->now.buses, TRANSPORT_PLAN, plan);
         if (plan->status == VERGE_CANCELLED) {
             log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
                       plan->reason);
@@ -658,7 +659,7 @@ static void on_reload_over(live* self)
 {
     if (reloader_collect(&self->reloader) == RELOAD_REFUSED) {
         log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
-                  self->now.config->config_crc32, log_words(self->reloader.error));
+                  self->now.config->site.config_crc32, log_words(self->reloader.error));
         status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
         notify_settled(self);
     }
@@ -673,7 +674,7 @@ static void apply_next(live* self)
     }
     const cycle_def def = config_cycle_def(next->config, &next->planner);
     cycle_swap(&self->cycle, &def);
-    const bool period_changed = next->config->cycle_ms != self->now.config->cycle_ms;
+    const bool period_changed = next->config->site.cycle_ms != self->now.config->site.cycle_ms;
     const bool buses_changed = next->buses.count > 0;
     // A recording holds one configuration, because a replay works with one.
     if (self->now.record != NULL) {
@@ -685,14 +686,14 @@ static void apply_next(live* self)
         inbox_forget_senders(&self->cycle.inbox); // new buses give new numbers to senders
     }
     if (period_changed) {
-        arm(self->cycle_fd, self->now.config->cycle_ms);
+        arm(self->cycle_fd, self->now.config->site.cycle_ms);
         check_patience(self);
     }
     open_log(self);
     status_fault_clear(&self->status, RSU_FAULT_CONFIG);
     log_event(LOG_INFO, "config_applied", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
-              self->now.config->config_crc32, self->now.config->map_crc32,
-              self->now.config->cycle_ms);
+              self->now.config->site.config_crc32, self->now.config->site.map_crc32,
+              self->now.config->site.cycle_ms);
     notify_settled(self);
 }
 

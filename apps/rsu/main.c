@@ -1,19 +1,17 @@
 /// verge-rsu: the roadside daemon. This file reads the options; live.c runs the daemon, replay.c a
 /// replay. Exit codes: daemon/exit.h.
-#include "buses.h"
 #include "config.h"
 #include "live.h"
 #include "replay.h"
 
 #include "common/floating.h"
 #include "common/options.h"
-#include "common/road_report.h"
+#include "daemon/check.h"
 #include "daemon/log.h"
 
 #include <errno.h>
 #include <inttypes.h>
 #include <string.h>
-#include <time.h>
 
 typedef struct arguments {
     const char* config_path;
@@ -30,7 +28,6 @@ typedef struct arguments {
 
 static int  read_arguments(arguments* args, int argc, char** argv);
 static bool ends_here(const arguments* args, int* status);
-static int  check(const arguments* args, const config* config);
 static int  run_replay(const arguments* args, const config* config, const char* log_path);
 
 int main(int argc, char** argv)
@@ -124,16 +121,16 @@ static bool ends_here(const arguments* args, int* status)
         return true;
     }
     static const char scheme[] = "log:";
-    const bool from_log = strncmp(config->bus[0], scheme, sizeof scheme - 1) == 0;
+    const bool from_log = strncmp(config->site.bus[0], scheme, sizeof scheme - 1) == 0;
     const char* log_path = args->replay_path != NULL ? args->replay_path
-                           : from_log                ? config->bus[0] + sizeof scheme - 1
+                           : from_log                ? config->site.bus[0] + sizeof scheme - 1
                                                      : NULL;
     const bool ends = args->check || args->print || log_path != NULL;
     if (args->print) {
         config_print(config, stdout);
     }
     if (args->check) {
-        *status = check(args, config);
+        *status = check_site(&config->site, CONFIG_BUS_USE, args->config_path, args->print);
     } else if (!args->print && log_path != NULL) {
         *status = run_replay(args, config, log_path);
     }
@@ -143,80 +140,6 @@ static bool ends_here(const arguments* args, int* status)
         *status = EXIT_SOFTWARE;
     }
     return ends;
-}
-
-/// Checks one bus by itself, so that a missing bus does not hide the errors of another one.
-static int check_bus(const arguments* args, const config* config, const char* url,
-                     char error[CONFIG_ERROR_SIZE])
-{
-    const transport_options* options = &config->bus_options.transport;
-    transport* bus = NULL;
-    const int result = transport_open_with(&bus, url, BUSES_USE, options, error, CONFIG_ERROR_SIZE);
-    transport_close(bus);
-    if (result == TRANSPORT_BAD_URL) {
-        return EXIT_CONFIG;
-    }
-    if (result != TRANSPORT_OK) {
-        fprintf(stderr, "%s:bus: warning: not available now: %s\n", args->config_path, error);
-    }
-    if (transport_exposed(url, options, error, CONFIG_ERROR_SIZE)) {
-        fprintf(stderr, "%s:bus: warning: %s\n", args->config_path, error);
-    }
-    int64_t       expiry = 0;
-    const int64_t utime = (int64_t)time(NULL) * 1000000;
-    if (transport_expires(url, options, &expiry, error, CONFIG_ERROR_SIZE) &&
-        buses_days_left(expiry, utime) < BUSES_EXPIRY_DAYS) {
-        fprintf(stderr, "%s:bus: warning: %s\n", args->config_path, error);
-    }
-    return 0;
-}
-
-/// Vehicles have the same ids on all buses. A stranger on an open bus can therefore send states for
-/// a vehicle of a secured bus, while the states of that vehicle itself are missing.
-static void check_beside(const arguments* args, const config* config)
-{
-    const transport_options* options = &config->bus_options.transport;
-    const char* open = NULL;
-    const char* secured = NULL;
-    for (uint32_t i = 0; i < config->bus_count; i++) {
-        char words[CONFIG_ERROR_SIZE];
-        if (transport_exposed(config->bus[i], options, words, sizeof words)) {
-            open = config->bus[i];
-        } else if (transport_secured(config->bus[i], options)) {
-            secured = config->bus[i];
-        }
-    }
-    if (open != NULL && secured != NULL) {
-        fprintf(stderr, "%s:bus: warning: strangers can reach %s, and can send states there for a "
-                "vehicle of %s, which is secured; secure both buses or remove the first\n",
-                args->config_path, open, secured);
-    }
-}
-
-/// Builds the planner and opens the buses, because some errors only show then. A bus that is not
-/// available now is not an error of the configuration, but causes a warning.
-static int check(const arguments* args, const config* config)
-{
-    char error[CONFIG_ERROR_SIZE];
-    config_planner built;
-    int status = config_planner_build(&built, config, NULL, NULL, error);
-    for (uint32_t i = 0; status == 0 && i < config->bus_count; i++) {
-        status = check_bus(args, config, config->bus[i], error);
-    }
-    if (status == 0) {
-        check_beside(args, config);
-    }
-    if (status != 0) {
-        fprintf(stderr, "%s:%s\n", args->config_path, error);
-    } else if (!args->print) {
-        config_print_memory(config, stdout);
-        printf("road of %u lanes, map_crc32 0x%08" PRIx32 "\n", config->planner.road.lane_count,
-               config->map_crc32);
-        road_report_print(verge_planner_road(built.planner), &config->planner.road,
-                          args->config_path, stdout, stderr);
-    }
-    config_planner_free(&built);
-    return status;
 }
 
 static int run_replay(const arguments* args, const config* config, const char* log_path)

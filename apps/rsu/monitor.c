@@ -15,7 +15,7 @@ verge_rsu_status_t monitor_message(const monitor* self, instant at)
 void monitor_publish(monitor* self, instant at)
 {
     const verge_rsu_status_t message = monitor_message(self, at);
-    buses_publish_status(&self->setup->buses, &message);
+    buses_publish(&self->setup->buses, TRANSPORT_STATUS, &message);
     self->state = (rsu_state)message.state;
     self->faults = status_faults(self->status, at.now);
 }
@@ -68,7 +68,7 @@ static void log_bus_errors(monitor* self, instant at)
             status_fault(self->status, RSU_FAULT_BUS, at.now, false);
             log_repeated(LOG_WARNING, "bus_trouble", bus,
                          "errors=%" PRIu64 " bus=%s action=keeps_trying", errors,
-                         self->setup->config->bus[bus]);
+                         self->setup->config->site.bus[bus]);
         }
     }
 }

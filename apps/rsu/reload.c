@@ -3,43 +3,24 @@
 #include "reload.h"
 
 #include "common/floating.h"
-#include "daemon/realtime.h"
 
 #include <assert.h>
-#include <errno.h>
 #include <string.h>
 
 /// [us] For the last events of a recording.
 enum { RECORD_PATIENCE_US = 5000000 };
 
-/// Starts the helpers of a configuration. Returns 0, or EXIT_OS with a line in error.
-static int pool_start(executor** pool, const config* config, char error[CONFIG_ERROR_SIZE])
-{
-    const uint32_t threads = config->planner.threads;
-    *pool = threads > 1 ? executor_create_with(threads, &config->service.planning) : NULL;
-    if (*pool != NULL || threads <= 1) {
-        return 0;
-    }
-    realtime_explain(&config->service, errno, error, CONFIG_ERROR_SIZE);
-    return EXIT_OS;
-}
-
 int setup_build(setup* self, char error[CONFIG_ERROR_SIZE])
 {
-    const int code = pool_start(&self->pool, self->config, error);
-    if (code != 0) {
-        return code;
-    }
-    return config_planner_build(&self->planner, self->config,
-                                self->pool != NULL ? executor_run : NULL, self->pool, error);
+    const site* site = &self->config->site;
+    return planning_open(&self->planner, &site->planner, &site->service, error);
 }
 
 void setup_free(setup* self)
 {
     recorder_close(self->record, RECORD_PATIENCE_US);
     buses_close(&self->buses);
-    config_planner_free(&self->planner);
-    executor_destroy(self->pool);
+    planning_close(&self->planner);
     config_free(self->config);
     memset(self, 0, sizeof *self);
 }
@@ -153,14 +134,15 @@ static int prepare(setup* next, const reloader_def* def, char error[CONFIG_ERROR
 {
     const config* now = def->now->config;
     int code = config_load(&next->config, def->path, error);
-    if (code == 0 && !config_may_follow(now, next->config, error)) {
+    if (code == 0 && !site_may_follow(&now->site, &next->config->site, error)) {
         code = EXIT_CONFIG;
     }
     if (code == 0) {
         code = setup_build(next, error);
     }
-    if (code == 0 && !config_same_buses(next->config, now)) {
-        code = buses_open(&next->buses, next->config, def->log, error, CONFIG_ERROR_SIZE);
+    if (code == 0 && !site_same_buses(&next->config->site, &now->site)) {
+        code = buses_open(&next->buses, &next->config->site, CONFIG_BUS_USE, def->log, error,
+                          CONFIG_ERROR_SIZE);
     }
     return code;
 }

@@ -17,20 +17,19 @@
 #ifndef VERGE_RSU_RELOAD_H
 #define VERGE_RSU_RELOAD_H
 
-#include "buses.h"
+
 #include "config.h"
 
-#include "common/executor.h"
+#include "daemon/buses.h"
 #include "daemon/recorder.h"
 #include "daemon/worker.h"
 
 /// A configuration and what was made for it.
 typedef struct setup {
-    config*        config;
-    config_planner planner;
-    executor*      pool;   ///< null with one thread
-    buses          buses;  ///< of a next setup: count 0 means that the present buses stay
-    recorder*      record; ///< null: no recording, which holds one configuration only
+    config*   config;
+    planning  planner;
+    buses     buses;  ///< of a next setup: count 0 means that the present buses stay
+    recorder* record; ///< null: no recording, which holds one configuration only
 } setup;
 
 /// Starts the helpers and builds the planner of self->config. Returns 0, or an exit code with a

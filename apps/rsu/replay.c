@@ -2,8 +2,6 @@
 
 #include "cycle.h"
 
-#include "common/executor.h"
-
 #include <inttypes.h>
 #include <string.h>
 
@@ -36,7 +34,7 @@ int replay_run(const replay_options* options, const config* config, replay_repor
     memset(report, 0, sizeof *report);
     self.options = options;
     self.report = report;
-    self.period_us = (int64_t)config->cycle_ms * 1000;
+    self.period_us = (int64_t)config->site.cycle_ms * 1000;
 
     char url[4096];
     snprintf(url, sizeof url, "log:%s", options->log_path);
@@ -44,15 +42,10 @@ int replay_run(const replay_options* options, const config* config, replay_repor
     if (code != 0) {
         return code;
     }
-    const bool threads = config->planner.threads > 1;
-    executor* pool = threads ? executor_create(config->planner.threads) : NULL;
-    if (threads && pool == NULL) {
-        snprintf(error, CONFIG_ERROR_SIZE, "planner.threads: the system refused a thread");
-        return EXIT_OS;
-    }
-    config_planner planner = { 0 };
+    planning planner;
     transport* log = NULL;
-    code = config_planner_build(&planner, config, threads ? executor_run : NULL, pool, error);
+    static const service plain; // helpers run as this thread does
+    code = planning_open(&planner, &config->site.planner, &plain, error);
     if (code == 0) {
         code = open_ends(&self, &log, url, error);
     }
@@ -63,8 +56,7 @@ int replay_run(const replay_options* options, const config* config, replay_repor
     }
     transport_close(self.record);
     transport_close(log);
-    config_planner_free(&planner);
-    executor_destroy(pool);
+    planning_close(&planner);
     return code;
 }
 

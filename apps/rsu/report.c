@@ -69,8 +69,8 @@ static void add_strangers_json(text* out, const transport_stats* bus)
 void report_status(text* out, const report_input* from)
 {
     const verge_rsu_status_t* status = &from->status;
-    char buses[CONFIG_BUSES_MAX * CONFIG_BUS_SIZE];
-    config_bus_list(from->config, buses, sizeof buses);
+    char buses[SITE_BUSES_MAX * SITE_BUS_SIZE];
+    site_bus_list(&from->config->site, buses, sizeof buses);
     text_add(out, "{\"version\":\"%s\",\"state\":\"%s\",\"fault\":\"%s\",\"faults\":[",
              VERGE_VERSION_STRING, message_rsu_state(status->state),
              message_rsu_fault(status->fault));
@@ -84,7 +84,7 @@ void report_status(text* out, const report_input* from)
     text_add(out, "],\"bus\":");
     text_add_string(out, buses);
     text_add(out, ",\"cycle_ms\":%u,\"log_dropped\":%" PRIu64 ",\"record_dropped\":%" PRIu64,
-             from->config->cycle_ms, from->log_dropped, from->record_dropped);
+             from->config->site.cycle_ms, from->log_dropped, from->record_dropped);
     add_counters(out, from);
     add_strangers_json(out, &from->bus);
     text_add(out, ",\"status\":");

@@ -94,8 +94,8 @@ verge_rsu_status_t status_message(const status* self, const config* config, cons
     message.rsu_id = config->rsu_id;
     message.version =
         VERGE_VERSION_MAJOR * 10000 + VERGE_VERSION_MINOR * 100 + VERGE_VERSION_PATCH;
-    message.map_crc32 = bits_i32(config->map_crc32);
-    message.config_crc32 = bits_i32(config->config_crc32);
+    message.map_crc32 = bits_i32(config->site.map_crc32);
+    message.config_crc32 = bits_i32(config->site.config_crc32);
     message.cycle = (int32_t)cycle->number;
     message.state = (int16_t)status_state(self, now);
     message.fault = (int16_t)status_worst(self, now);

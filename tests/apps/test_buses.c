@@ -3,7 +3,7 @@
 /// Method: the test supplies the time.
 #include "check.h"
 
-#include "rsu/buses.h"
+#include "daemon/buses.h"
 
 static const int64_t HOUR = 3600 * INT64_C(1000000), DAY = 24 * 3600 * INT64_C(1000000);
 

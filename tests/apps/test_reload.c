@@ -51,7 +51,8 @@ static void load(setup* now)
     char error[CONFIG_ERROR_SIZE];
     memset(now, 0, sizeof *now);
     if (config_load(&now->config, path, error) != 0 || setup_build(now, error) != 0 ||
-        buses_open(&now->buses, now->config, NULL, error, sizeof error) != TRANSPORT_OK) {
+        buses_open(&now->buses, &now->config->site, CONFIG_BUS_USE, NULL, error, sizeof error) !=
+            TRANSPORT_OK) {
         fail_msg("%s", error);
     }
 }
@@ -121,8 +122,8 @@ static void test_a_good_configuration_takes_effect_when_it_is_installed(void** s
 
     reloader_install(&self);
     assert_int_equal(now.config->rsu_id, 2);
-    assert_int_equal(now.config->planner.iterations, 99);
-    assert_non_null(now.pool);
+    assert_int_equal(now.config->site.planner.iterations, 99);
+    assert_non_null(now.planner.helpers);
     assert_ptr_equal(now.buses.bus[0], bus); // the same URL: not opened again
     assert_null(reloader_next(&self));
     assert_true(reloader_settled(&self));
@@ -211,12 +212,12 @@ static void test_other_buses_go_on_counting(void** state)
     write_config(1, "loop:a", false, "");
     open_both(&now, &self);
     const verge_rsu_status_t status = { .rsu_id = 1 };
-    buses_publish_status(&now.buses, &status);
+    buses_publish(&now.buses, TRANSPORT_STATUS, &status);
     write_config(1, "loop:b", false, "");
     reloader_ask(&self);
     assert_int_equal(wait_for_result(&self), RELOAD_ACCEPTED);
     assert_int_equal(settle(&self), 1);
-    buses_publish_status(&now.buses, &status);
+    buses_publish(&now.buses, TRANSPORT_STATUS, &status);
     assert_int_equal(buses_statistics(&now.buses).published, 2);
     close_both(&now, &self);
 }

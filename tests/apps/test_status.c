@@ -52,7 +52,7 @@ static void test_every_active_fault_is_listed_the_worst_first(void** state)
 static void test_programs_get_the_same_list(void** state)
 {
     (void)state;
-    static config config = { .cycle_ms = 500 };
+    static config config = { .site = { .cycle_ms = 500 } };
     static cycle  cycle;
     static char   bytes[REPORT_SIZE];
     for (unsigned set = 0; set < SETS; ++set) {
@@ -96,7 +96,7 @@ static void test_programs_get_the_same_list(void** state)
 static void test_counters_without_a_field_in_the_message_are_in_the_answers(void** state)
 {
     (void)state;
-    static config config = { .cycle_ms = 500 };
+    static config config = { .site = { .cycle_ms = 500 } };
     static cycle  cycle;
     static char   bytes[REPORT_SIZE];
     report_input from = { .config = &config, .cycle = &cycle };

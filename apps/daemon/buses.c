@@ -1,5 +1,6 @@
 #include "buses.h"
 
+#include <assert.h>
 #include <string.h>
 
 static const int64_t DAY_US = 86400 * INT64_C(1000000);
@@ -16,21 +17,21 @@ static void find_expiry(buses* self, const char* url, const transport_options* o
     }
 }
 
-int buses_open(buses* self, const config* config, void (*log)(void* context, const char* line),
-               char* error, size_t error_size)
+int buses_open(buses* self, const site* site, unsigned use,
+               void (*log)(void* context, const char* line), char* error, size_t error_size)
 {
-    transport_options options = config->bus_options.transport;
+    transport_options options = site->bus_options.transport;
     options.log = log;
     memset(self, 0, sizeof *self);
-    for (uint32_t i = 0; i < config->bus_count; i++) {
-        const int result = transport_open_with(&self->bus[i], config->bus[i], BUSES_USE, &options,
-                                               error, error_size);
+    for (uint32_t i = 0; i < site->bus_count; i++) {
+        const int result = transport_open_with(&self->bus[i], site->bus[i], use, &options, error,
+                                               error_size);
         if (result != TRANSPORT_OK) {
             buses_close(self);
             return result;
         }
         self->count++;
-        find_expiry(self, config->bus[i], &options);
+        find_expiry(self, site->bus[i], &options);
     }
     return TRANSPORT_OK;
 }
@@ -48,7 +49,7 @@ void buses_succeed(buses* self, const buses* others)
     self->past = buses_statistics(others);
 }
 
-uint32_t buses_poll(const buses* self, struct pollfd ends[CONFIG_BUSES_MAX])
+uint32_t buses_poll(const buses* self, struct pollfd ends[SITE_BUSES_MAX])
 {
     for (uint32_t i = 0; i < self->count; i++) {
         ends[i] = (struct pollfd){ .fd = transport_fd(self->bus[i]), .events = POLLIN };
@@ -65,17 +66,22 @@ uint32_t buses_drain(buses* self, uint32_t bus, transport_message* messages, uin
     return count;
 }
 
-void buses_publish_plan(buses* self, const verge_vehicle_plan_t* plan)
+static void publish_on(transport* bus, transport_kind kind, const void* message)
 {
-    for (uint32_t i = 0; i < self->count; i++) {
-        transport_publish_plan(self->bus[i], plan);
+    switch (kind) {
+    case TRANSPORT_STATE: transport_publish_state(bus, message); break;
+    case TRANSPORT_PLAN: transport_publish_plan(bus, message); break;
+    case TRANSPORT_STATUS: transport_publish_status(bus, message); break;
+    case TRANSPORT_SIGNAL: transport_publish_signal(bus, message); break;
+    case TRANSPORT_TRAJECTORY: transport_publish_trajectory(bus, message); break;
+    default: assert(!"a kind of message that buses carry"); break;
     }
 }
 
-void buses_publish_status(buses* self, const verge_rsu_status_t* status)
+void buses_publish(buses* self, transport_kind kind, const void* message)
 {
     for (uint32_t i = 0; i < self->count; i++) {
-        transport_publish_status(self->bus[i], status);
+        publish_on(self->bus[i], kind, message);
     }
 }
 

@@ -14,17 +14,21 @@
 /// More than there are freshness limits.
 enum { FRESHNESS_KEYS_MAX = 16 };
 
-static int  read_document(site* self, const site_def* def, void* config, const json_at* root);
+static int  read_document(site* self, const site_def* def, const json_at* root);
 static bool read_bus(site* self, const json_at* root);
 static int  read_road(site* self, const json_at* root);
 static bool read_freshness(site* self, const json_at* root);
-static bool sum_up(site* self, const site_def* def, const void* config);
+static bool sum_up(site* self, const site_def* def);
 
-int site_load(site* self, const site_def* def, void* config, const char* path,
-              char error[CONFIG_ERROR_SIZE])
+int site_load(site** loaded, const site_def* def, const char* path, char error[CONFIG_ERROR_SIZE])
 {
-    memset(self, 0, sizeof *self);
+    *loaded = NULL;
     error[0] = '\0';
+    site* self = calloc(1, def->size);
+    if (self == NULL) {
+        snprintf(error, CONFIG_ERROR_SIZE, "%s: the system refused memory", path);
+        return EXIT_OS;
+    }
     self->planner = verge_planner_default_def();
     self->freshness = inbox_default_limits();
 
@@ -34,29 +38,35 @@ int site_load(site* self, const site_def* def, void* config, const char* path,
         code = file.missing ? EXIT_NO_INPUT : EXIT_CONFIG;
     } else {
         const json_at root = json_root(&file);
-        code = read_document(self, def, config, &root);
+        code = read_document(self, def, &root);
         if (code == 0) {
             code = read_road(self, &root);
         }
-        if (code == 0 && !sum_up(self, def, config)) {
+        if (code == 0 && !sum_up(self, def)) {
             code = EXIT_OS;
             json_fail(&root, "the system refused memory");
         }
     }
     if (code != 0) {
         snprintf(error, CONFIG_ERROR_SIZE, "%s", file.error);
+        site_free(self);
+        self = NULL;
     }
     json_file_free(&file);
+    *loaded = self;
     return code;
 }
 
 void site_free(site* self)
 {
+    if (self == NULL) {
+        return;
+    }
     road_json_free(&self->planner.road);
     bus_options_free(&self->bus_options);
     free(self->road_file);
     free(self->road_text);
-    memset(self, 0, sizeof *self);
+    free(self);
 }
 
 /// Appends to a null-terminated list of keys, which has room for JSON_KEYS_MAX and the null.
@@ -73,7 +83,7 @@ static void add_keys(const char** keys, const char* const* more)
 }
 
 /// Everything but the road.
-static int read_document(site* self, const site_def* def, void* config, const json_at* root)
+static int read_document(site* self, const site_def* def, const json_at* root)
 {
     static const char* const SITE_KEYS[] = {
         "bus", "road", "road_file", "cycle_ms", "planner", "freshness", "control", "metrics",
@@ -97,7 +107,7 @@ static int read_document(site* self, const site_def* def, void* config, const js
     const json_at planner = json_member(root, "planner");
     const bool fits = planner_def_from_json(&planner, &self->planner) && read_bus(self, root) &&
                       bus_options_read(&self->bus_options, root) && read_freshness(self, root) &&
-                      service_read(&self->service, root) && def->read(config, root);
+                      service_read(&self->service, root) && def->read(self, root);
     return fits && root->file->error[0] == '\0' ? 0 : EXIT_CONFIG;
 }
 
@@ -231,7 +241,7 @@ static int read_road(site* self, const json_at* root)
 // ---- checksums and printing ---------------------------------------------------------------
 
 /// The checksums identify a road and a configuration to operators.
-static bool sum_up(site* self, const site_def* def, const void* config)
+static bool sum_up(site* self, const site_def* def)
 {
     if (self->road_text == NULL) {
         return false;
@@ -243,7 +253,7 @@ static bool sum_up(site* self, const site_def* def, const void* config)
     if (memory == NULL) {
         return false;
     }
-    site_print(self, def, config, memory);
+    site_print(self, def, memory);
     const bool written = fclose(memory) == 0;
     if (written) {
         self->config_crc32 = transport_crc32(text, size);
@@ -275,10 +285,10 @@ static void print_freshness(const site* self, FILE* out)
     fputs(" }", out);
 }
 
-void site_print(const site* self, const site_def* def, const void* config, FILE* out)
+void site_print(const site* self, const site_def* def, FILE* out)
 {
     fprintf(out, "{ \"format\": \"%s\"", def->format);
-    def->print(config, out);
+    def->print(self, out);
     print_bus(self, out);
     fprintf(out, ",\n  \"cycle_ms\": %u", self->cycle_ms);
     print_freshness(self, out);

@@ -61,27 +61,27 @@ typedef struct site {
     char*        road_text;     ///< the road as JSON on one line
 } site;
 
-/// What a daemon adds.
+/// What a daemon adds: its own keys. Its configuration is a struct whose first member is a site.
 typedef struct site_def {
+    size_t             size;    ///< [B] of that struct
     const char*        format;  ///< the value of the key "format", such as "verge-rsu/1"
     const char* const* keys;    ///< the daemon's own keys, null-terminated
     uint32_t           cycle_ms_min, cycle_ms_max, cycle_ms_default;
     /// Reads the own keys, and may check the site, which is complete but for its road. False: the
-    /// error is in the file. config: that of site_load().
-    bool             (*read)(void* config, const json_at* root);
+    /// error is in the file. The struct has been filled with zeros.
+    bool             (*read)(site* self, const json_at* root);
     /// Writes the own members as JSON with all defaults, each after a comma and a line break.
-    void             (*print)(const void* config, FILE* out);
+    void             (*print)(const site* self, FILE* out);
 } site_def;
 
-/// Reads and checks everything. config: the daemon's configuration, which contains self. Returns 0,
-/// EXIT_NO_INPUT, EXIT_CONFIG or EXIT_OS; unless 0, error holds one line `file:field: what is
-/// wrong, what was expected`. site_free() is due in each case.
-int  site_load(site* self, const site_def* def, void* config, const char* path,
+/// Reads and checks everything. Returns 0, EXIT_NO_INPUT, EXIT_CONFIG or EXIT_OS; unless 0,
+/// *loaded is null and error holds one line `file:field: what is wrong, what was expected`.
+int  site_load(site** loaded, const site_def* def, const char* path,
                char error[CONFIG_ERROR_SIZE]);
-void site_free(site* self);
+void site_free(site* self); ///< null is fine
 
 /// The whole configuration as JSON, with every planner parameter. It can be read again.
-void site_print(const site* self, const site_def* def, const void* config, FILE* out);
+void site_print(const site* self, const site_def* def, FILE* out);
 
 /// The URLs with commas between them, cut to size, which is at least 1.
 void site_bus_list(const site* self, char* text, size_t size);

@@ -116,15 +116,15 @@ static int replay_log(const char* path, const char* config_path, const uint64_t*
                         "beside an LCM event log\n");
         return 2;
     }
-    config* config = NULL;
+    site*         site = NULL;
     replay_report report;
     const replay_options options = { .log_path = path };
-    int code = config_load(&config, config_path, error);
+    int code = site_load(&site, &CONFIG_DEF, config_path, error);
     if (code == 0) {
-        config->site.planner.seed = seed != NULL ? *seed : config->site.planner.seed;
-        code = replay_run(&options, config, &report, error);
+        site->planner.seed = seed != NULL ? *seed : site->planner.seed;
+        code = replay_run(&options, config_of(site), &report, error);
     }
-    config_free(config);
+    site_free(site);
     if (code != 0) {
         error[strcspn(error, "\n")] = '\0';
         fprintf(stderr, "%s\n", error);
@@ -158,7 +158,7 @@ typedef struct recording {
 
     // A run of verge-publish is planned again while it is read.
     const char*    config_path; // of the daemon; null: the scenario has its parameters
-    config*        config;
+    site*          site;
     planning       planner;
     bus_run        bus;
     bool           on_bus;
@@ -191,7 +191,7 @@ static int replay_run_file(const char* path, FILE* file, const char* config_path
     free(self.digests);
     bus_run_free(&self.bus);
     planning_close(&self.planner);
-    config_free(self.config);
+    site_free(self.site);
     return code;
 }
 
@@ -203,7 +203,7 @@ static int print_bus_run(const char* path, const recording* self)
                        bus->replayed);
         fprintf(stderr, "%s:file: planned by a roadside unit; expected %sno other vehicles on its"
                         " bus, and an empty road before\n", path,
-                self->config != NULL ? "" : "its parameters in the scenario or in --config, ");
+                self->site != NULL ? "" : "its parameters in the scenario or in --config, ");
         return 1;
     }
     print_equal(path, bus->compared);
@@ -315,9 +315,9 @@ static bool open_bus_run(recording* self, const json_at* start, const uint64_t* 
         return false;
     }
     if (self->config_path != NULL) {
-        int code = config_load(&self->config, self->config_path, error);
+        int code = site_load(&self->site, &CONFIG_DEF, self->config_path, error);
         if (code == 0) {
-            verge_planner_def* planner = &self->config->site.planner;
+            verge_planner_def* planner = &self->site->planner;
             planner->seed = seed != NULL ? *seed : planner->seed;
             code = planning_open(&self->planner, planner, NULL, error);
         }
@@ -326,11 +326,11 @@ static bool open_bus_run(recording* self, const json_at* start, const uint64_t* 
             fprintf(stderr, "%s\n", error);
             return false;
         }
-        def = config_cycle_def(self->config, &self->planner);
+        def = config_cycle_def(config_of(self->site), &self->planner);
     }
-    const bool configured = self->config != NULL;
+    const bool configured = self->site != NULL;
     self->on_bus = bus_run_init(&self->bus, &self->scene, start_utime, &def,
-                                configured ? &self->config->site.planner : &self->scene.def,
+                                configured ? &self->site->planner : &self->scene.def,
                                 configured ? self->planner.memory : self->scene.arena,
                                 configured ? self->planner.size : self->scene.arena_size);
     return self->on_bus || json_fail(start, "out of memory");

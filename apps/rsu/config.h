@@ -8,7 +8,7 @@
 /// | `rsu_id`    | 1    | 0 .. 2^31 - 1      | 1        | sender of plans and status            |
 /// | `cycle_ms`  | ms   | 10 .. 5000         | 500      | time between plans                    |
 ///
-/// Memory      Heap, until config_free(): at start-up and when the configuration is read again.
+/// Memory      As site.h.
 #ifndef VERGE_RSU_CONFIG_H
 #define VERGE_RSU_CONFIG_H
 
@@ -28,17 +28,15 @@ enum { CONFIG_BUS_USE = TRANSPORT_STATES | TRANSPORT_SIGNALS | TRANSPORT_SENDS_P
                         | TRANSPORT_SENDS_STATUSES };
 
 typedef struct config {
+    site    site; ///< first, see site_def
     int32_t rsu_id;
-    site    site;
 } config;
 
-/// Reads and checks everything. Returns 0, EXIT_NO_INPUT, EXIT_CONFIG or EXIT_OS; unless 0,
-/// *loaded is null and error holds one line `file:field: what is wrong, what was expected`.
-int  config_load(config** loaded, const char* path, char error[CONFIG_ERROR_SIZE]);
-void config_free(config* self); ///< null is fine
+/// The keys of verge-rsu, for site_load().
+extern const site_def CONFIG_DEF;
 
-/// The configuration as JSON, with every planner parameter. It can be read again.
-void config_print(const config* self, FILE* out);
+/// The configuration that a site belongs to, which was loaded with CONFIG_DEF; null gives null.
+const config* config_of(const site* site);
 
 /// What a cycle needs of a configuration and its planner.
 cycle_def config_cycle_def(const config* self, const planning* built);

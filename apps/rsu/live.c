@@ -8,16 +8,18 @@
 
 #include "cycle.h"
 #include "monitor.h"
-#include "operators.h"
-#include "reload.h"
+#include "report.h"
 #include "status.h"
 
 #include "common/floating.h"
 #include "common/vehicle_fault.h"
+#include "daemon/events.h"
 #include "daemon/log.h"
 #include "daemon/notify.h"
+#include "daemon/operators.h"
 #include "daemon/realtime.h"
 #include "daemon/recorder.h"
+#include "daemon/reload.h"
 #include "daemon/worker.h"
 
 #include <errno.h>
@@ -26,9 +28,6 @@
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/signalfd.h>
-#include <sys/timerfd.h>
-#include <time.h>
 #include <unistd.h>
 
 enum {
@@ -67,18 +66,6 @@ static void loop(live* self);
 static int  stop(live* self);
 static void release(live* self);
 
-static int64_t clock_us(clockid_t clock)
-{
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
-}
-
-static instant instant_now(void)
-{
-    return (instant){ .now = clock_us(CLOCK_MONOTONIC), .utime = clock_us(CLOCK_REALTIME) };
-}
-
 int live_run(const live_options* options)
 {
     static live self; // large; there is one daemon in a process
@@ -101,16 +88,14 @@ int live_run(const live_options* options)
 
 static int  load(live* self);
 static int  open_ends(live* self);
-static void block_signals(void);
 static int  open_descriptors(live* self);
 static int  open_operators(live* self);
 static void open_notify(live* self);
 static int  fail(int code, const char* line);
-static void arm(int timer_fd, uint32_t period_ms);
 
 static int start(live* self)
 {
-    block_signals(); // before the first thread, because threads inherit it
+    signals_block(); // before the first thread, because threads inherit it
     int code = load(self);
     if (code == 0) {
         code = open_ends(self);
@@ -126,17 +111,17 @@ static int start(live* self)
     }
     open_notify(self);
     self->status.start_utime = clock_us(CLOCK_REALTIME);
-    const cycle_def def = config_cycle_def(self->now.config, &self->now.planner);
+    const cycle_def def = config_cycle_def(config_of(self->now.site), &self->now.planner);
     cycle_init(&self->cycle, &def);
-    const site* site = &self->now.config->site;
-    arm(self->cycle_fd, site->cycle_ms);
-    arm(self->status_fd, STATUS_PERIOD_MS);
+    const site* site = self->now.site;
+    timer_arm(self->cycle_fd, site->cycle_ms);
+    timer_arm(self->status_fd, STATUS_PERIOD_MS);
     char buses[SITE_BUSES_MAX * SITE_BUS_SIZE];
     site_bus_list(site, buses, sizeof buses);
     log_event(LOG_ALWAYS, "READY",
               "version=%s rsu_id=%d bus=%s cycle_ms=%u planner_bytes=%zu map_crc32=0x%08x "
               "config_crc32=0x%08x",
-              VERGE_VERSION_STRING, self->now.config->rsu_id, buses, site->cycle_ms,
+              VERGE_VERSION_STRING, config_of(site)->rsu_id, buses, site->cycle_ms,
               self->now.planner.size, site->map_crc32, site->config_crc32);
     notify_send(&self->notify, "READY=1");
     return 0;
@@ -157,17 +142,17 @@ static void open_notify(live* self)
 static void check_patience(const live* self)
 {
     const int64_t patience_us = self->notify.watchdog_us;
-    if (patience_us > 0 && patience_us < 2000 * (int64_t)self->now.config->site.cycle_ms) {
+    if (patience_us > 0 && patience_us < 2000 * (int64_t)self->now.site->cycle_ms) {
         log_event(LOG_WARNING, "watchdog_short",
                   "watchdog_us=%" PRId64 " cycle_ms=%u expected=\"WatchdogSec of at least two "
-                  "cycles\"", patience_us, self->now.config->site.cycle_ms);
+                  "cycles\"", patience_us, self->now.site->cycle_ms);
     }
 }
 
 static void open_log(const live* self)
 {
     const log_format* asked = self->options->log_format;
-    log_setup(asked != NULL ? *asked : self->now.config->site.service.log_format);
+    log_setup(asked != NULL ? *asked : self->now.site->service.log_format);
 }
 
 /// Logged once, because whatever changes the mode usually does so again and again.
@@ -181,26 +166,6 @@ static void log_correction(live* self, const char* when)
     }
 }
 
-static int load(live* self)
-{
-    char error[CONFIG_ERROR_SIZE];
-    int code = config_load(&self->now.config, self->options->config_path, error);
-    if (code != 0) {
-        return fail(code, error);
-    }
-    realtime_prepare(&self->now.config->site.service);
-    open_log(self);
-    if (!log_start()) {
-        return fail(EXIT_OS, "the system refused a thread for the log, expected a higher "
-                             "LimitNPROC or TasksMax");
-    }
-    if (self->options->floating_corrected) {
-        log_correction(self, "start");
-    }
-    code = setup_build(&self->now, error);
-    return code == 0 ? 0 : fail(code, error);
-}
-
 /// Complaints of a bus: refused senders with the reason, errors of its middleware.
 static void log_complaint(void* context, const char* line)
 {
@@ -210,13 +175,40 @@ static void log_complaint(void* context, const char* line)
     log_event(LOG_WARNING, "bus_complaint", "words=\"%s\"", log_words(words));
 }
 
+static setup_def make_def(const live* self)
+{
+    return (setup_def){ .path = self->options->config_path, .site = &CONFIG_DEF,
+                        .bus_use = CONFIG_BUS_USE, .log = log_complaint };
+}
+
+static int load(live* self)
+{
+    char error[CONFIG_ERROR_SIZE];
+    const setup_def def = make_def(self);
+    int code = setup_load(&self->now, &def, error);
+    if (code != 0) {
+        return fail(code, error);
+    }
+    realtime_prepare(&self->now.site->service);
+    open_log(self);
+    if (!log_start()) {
+        return fail(EXIT_OS, "the system refused a thread for the log, expected a higher "
+                             "LimitNPROC or TasksMax");
+    }
+    if (self->options->floating_corrected) {
+        log_correction(self, "start");
+    }
+    code = setup_plan(&self->now, error);
+    return code == 0 ? 0 : fail(code, error);
+}
+
 static int open_ends(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    int result = buses_open(&self->now.buses, &self->now.config->site, CONFIG_BUS_USE,
-                            log_complaint, error, sizeof error);
-    if (result != TRANSPORT_OK) {
-        return fail(result == TRANSPORT_BAD_URL ? EXIT_CONFIG : EXIT_UNAVAILABLE, error);
+    const setup_def def = make_def(self);
+    const int code = setup_connect(&self->now, &def, error);
+    if (code != 0) {
+        return fail(code, error);
     }
     if (self->options->record_path == NULL) {
         return 0;
@@ -225,43 +217,22 @@ static int open_ends(live* self)
     return recorder_open(&self->now.record, path, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
-/// The signals that the loop handles.
-static sigset_t own_signals(void)
-{
-    sigset_t signals;
-    sigemptyset(&signals);
-    sigaddset(&signals, SIGTERM);
-    sigaddset(&signals, SIGINT);
-    sigaddset(&signals, SIGHUP);
-    sigaddset(&signals, SIGUSR1);
-    return signals;
-}
-
-static void block_signals(void)
-{
-    const sigset_t signals = own_signals();
-    sigprocmask(SIG_BLOCK, &signals, NULL);
-    signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); // a file at its size limit makes write() fail
-}
-
 static int open_descriptors(live* self)
 {
-    const sigset_t signals = own_signals();
-    self->signal_fd = signalfd(-1, &signals, SFD_NONBLOCK | SFD_CLOEXEC);
-    self->cycle_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    self->status_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    self->signal_fd = signals_open();
+    self->cycle_fd = timer_open();
+    self->status_fd = timer_open();
     if (self->signal_fd < 0 || self->cycle_fd < 0 || self->status_fd < 0) {
         return fail(EXIT_OS, "the system refused a descriptor, expected a higher LimitNOFILE");
     }
     char error[CONFIG_ERROR_SIZE];
-    const service* service = &self->now.config->site.service;
+    const service* service = &self->now.site->service;
     self->worker = worker_create("verge-plan", &service->planning);
     if (self->worker == NULL) {
         realtime_explain(service, errno, error, sizeof error);
         return fail(EXIT_OS, error);
     }
-    const reloader_def def = { self->options->config_path, &self->now, log_complaint };
+    const reloader_def def = { .setup = make_def(self), .now = &self->now };
     if (!reloader_open(&self->reloader, &def)) {
         return fail(EXIT_OS, "the system refused a thread for reloads, expected a higher "
                              "LimitNPROC or TasksMax");
@@ -269,15 +240,26 @@ static int open_descriptors(live* self)
     return 0;
 }
 
-static report_input view(void* context);
+static void answer_status(void* context, text* answer);
+static void answer_vehicles(void* context, text* answer);
+static void answer_plans(void* context, text* answer);
+static void answer_metrics(void* context, text* page);
 static reload_result reload(void* context, uint64_t* ticket, const char** reason);
+
+static const operators_request REQUESTS[] = {
+    { "status", answer_status },
+    { "vehicles", answer_vehicles },
+    { "plans", answer_plans },
+    { NULL, NULL },
+};
 
 /// Opens what serves operators. Then everything is allocated, and memory is locked.
 static int open_operators(live* self)
 {
     char error[CONFIG_ERROR_SIZE];
-    const service*      service = &self->now.config->site.service;
-    const operators_def def = { .context = self, .view = view, .reload = reload };
+    const service*      service = &self->now.site->service;
+    const operators_def def = { .context = self, .requests = REQUESTS, .metrics = answer_metrics,
+                                .answer_size = REPORT_SIZE, .reload = reload };
     const int code = operators_open(&self->operators, service, &def, error);
     if (code != 0) {
         return fail(code, error);
@@ -294,16 +276,6 @@ static int fail(int code, const char* line)
     return code;
 }
 
-static void arm(int timer_fd, uint32_t period_ms)
-{
-    struct itimerspec spec;
-    memset(&spec, 0, sizeof spec);
-    spec.it_interval.tv_sec = period_ms / 1000;
-    spec.it_interval.tv_nsec = (long)(period_ms % 1000) * 1000000;
-    spec.it_value = spec.it_interval;
-    timerfd_settime(timer_fd, 0, &spec, NULL);
-}
-
 // ---- the loop -----------------------------------------------------------------------------
 
 static bool on_signals(live* self);
@@ -313,7 +285,6 @@ static void on_reload_over(live* self);
 static void on_tick(live* self);
 static void on_status_due(live* self);
 static void check_record(live* self);
-static uint64_t expirations(int timer_fd);
 
 static void loop(live* self)
 {
@@ -360,17 +331,11 @@ static void count_dropped(live* self)
 
 static void on_status_due(live* self)
 {
-    if (expirations(self->status_fd) > 0) {
+    if (timer_expirations(self->status_fd) > 0) {
         count_dropped(self);
         monitor_each_second(&self->monitor, instant_now());
         operators_write(&self->operators);
     }
-}
-
-static uint64_t expirations(int timer_fd)
-{
-    uint64_t count = 0;
-    return read(timer_fd, &count, sizeof count) == (ssize_t)sizeof count ? count : 0;
 }
 
 // ---- receiving ----------------------------------------------------------------------------
@@ -391,7 +356,7 @@ static void receive_message(live* self, const transport_message* message)
         const uint32_t cause = (uint32_t)vehicle * SITE_BUSES_MAX + message->bus;
         log_repeated(LOG_WARNING, "id_conflict", cause,
                      "vehicle=%d bus=%s refused_sender=%s", vehicle,
-                     self->now.config->site.bus[message->bus], sender);
+                     self->now.site->bus[message->bus], sender);
     } else {
         log_event(LOG_DEBUG, "state_refused", "vehicle=%d", vehicle);
     }
@@ -472,7 +437,7 @@ static void plan_job(void* arg)
 
 static void on_tick(live* self)
 {
-    const uint64_t ticks = expirations(self->cycle_fd);
+    const uint64_t ticks = timer_expirations(self->cycle_fd);
     if (ticks == 0) {
         return;
     }
@@ -483,7 +448,7 @@ static void on_tick(live* self)
         status_fault(&self->status, RSU_FAULT_DEADLINE, clock_us(CLOCK_MONOTONIC), false);
         log_repeated(LOG_WARNING, "deadline_missed", 0,
                      "cycle=%" PRId64 " cycle_ms=%u total=%" PRIu64, self->cycle.number,
-                     self->now.config->site.cycle_ms, self->status.deadline_misses);
+                     self->now.site->cycle_ms, self->status.deadline_misses);
     }
     if (busy) {
         send_overrun(self);
@@ -591,13 +556,12 @@ static void send_messages(live* self)
 
 // ---- operators ----------------------------------------------------------------------------
 
-static report_input view(void* context)
+static report_input view(live* self)
 {
-    live* self = context;
     const instant at = instant_now();
     count_dropped(self);
     return (report_input){
-        .config = self->now.config,
+        .config = config_of(self->now.site),
         .cycle = &self->cycle,
         .status = monitor_message(&self->monitor, at),
         .bus = buses_statistics(&self->now.buses),
@@ -607,6 +571,28 @@ static report_input view(void* context)
     };
 }
 
+static void answer_status(void* context, text* answer)
+{
+    const report_input from = view(context);
+    report_status(answer, &from);
+}
+
+static void answer_vehicles(void* context, text* answer)
+{
+    report_vehicles(answer, &((live*)context)->cycle);
+}
+
+static void answer_plans(void* context, text* answer)
+{
+    report_plans(answer, &((live*)context)->cycle);
+}
+
+static void answer_metrics(void* context, text* page)
+{
+    const report_input from = view(context);
+    report_metrics(page, &from);
+}
+
 // ---- signals, new configuration -----------------------------------------------------------
 
 static uint64_t ask_reload(live* self);
@@ -614,19 +600,15 @@ static uint64_t ask_reload(live* self);
 /// True: the daemon has to stop.
 static bool on_signals(live* self)
 {
-    struct signalfd_siginfo info;
-    while (read(self->signal_fd, &info, sizeof info) == (ssize_t)sizeof info) {
-        if (info.ssi_signo == SIGHUP) {
-            ask_reload(self);
-        } else if (info.ssi_signo == SIGUSR1) {
-            monitor_log_statistics(&self->monitor, instant_now());
-        } else {
-            log_event(LOG_INFO, "stopping", "signal=%s",
-                      info.ssi_signo == SIGTERM ? "SIGTERM" : "SIGINT");
-            return true;
+    for (;;) {
+        switch (signals_next(self->signal_fd)) {
+        case 0: return false;
+        case SIGHUP: ask_reload(self); break;
+        case SIGUSR1: monitor_log_statistics(&self->monitor, instant_now()); break;
+        case SIGTERM: log_event(LOG_INFO, "stopping", "signal=SIGTERM"); return true;
+        default: log_event(LOG_INFO, "stopping", "signal=SIGINT"); return true;
         }
     }
-    return false;
 }
 
 /// Begins a reload, or asks for one more after the reload that is running.
@@ -659,7 +641,7 @@ static void on_reload_over(live* self)
 {
     if (reloader_collect(&self->reloader) == RELOAD_REFUSED) {
         log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
-                  self->now.config->site.config_crc32, log_words(self->reloader.error));
+                  self->now.site->config_crc32, log_words(self->reloader.error));
         status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
         notify_settled(self);
     }
@@ -672,9 +654,9 @@ static void apply_next(live* self)
     if (next == NULL) {
         return;
     }
-    const cycle_def def = config_cycle_def(next->config, &next->planner);
+    const cycle_def def = config_cycle_def(config_of(next->site), &next->planner);
     cycle_swap(&self->cycle, &def);
-    const bool period_changed = next->config->site.cycle_ms != self->now.config->site.cycle_ms;
+    const bool period_changed = next->site->cycle_ms != self->now.site->cycle_ms;
     const bool buses_changed = next->buses.count > 0;
     // A recording holds one configuration, because a replay works with one.
     if (self->now.record != NULL) {
@@ -686,14 +668,14 @@ static void apply_next(live* self)
         inbox_forget_senders(&self->cycle.inbox); // new buses give new numbers to senders
     }
     if (period_changed) {
-        arm(self->cycle_fd, self->now.config->site.cycle_ms);
+        timer_arm(self->cycle_fd, self->now.site->cycle_ms);
         check_patience(self);
     }
     open_log(self);
     status_fault_clear(&self->status, RSU_FAULT_CONFIG);
     log_event(LOG_INFO, "config_applied", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
-              self->now.config->site.config_crc32, self->now.config->site.map_crc32,
-              self->now.config->site.cycle_ms);
+              self->now.site->config_crc32, self->now.site->map_crc32,
+              self->now.site->cycle_ms);
     notify_settled(self);
 }
 

@@ -114,27 +114,27 @@ static int read_arguments(arguments* args, int argc, char** argv)
 static bool ends_here(const arguments* args, int* status)
 {
     char error[CONFIG_ERROR_SIZE];
-    config* config = NULL;
-    *status = config_load(&config, args->config_path, error);
+    site* site = NULL;
+    *status = site_load(&site, &CONFIG_DEF, args->config_path, error);
     if (*status != 0) {
         fprintf(stderr, "%s%s", error, strchr(error, '\n') != NULL ? "" : "\n");
         return true;
     }
     static const char scheme[] = "log:";
-    const bool from_log = strncmp(config->site.bus[0], scheme, sizeof scheme - 1) == 0;
+    const bool from_log = strncmp(site->bus[0], scheme, sizeof scheme - 1) == 0;
     const char* log_path = args->replay_path != NULL ? args->replay_path
-                           : from_log                ? config->site.bus[0] + sizeof scheme - 1
+                           : from_log                ? site->bus[0] + sizeof scheme - 1
                                                      : NULL;
     const bool ends = args->check || args->print || log_path != NULL;
     if (args->print) {
-        config_print(config, stdout);
+        site_print(site, &CONFIG_DEF, stdout);
     }
     if (args->check) {
-        *status = check_site(&config->site, CONFIG_BUS_USE, args->config_path, args->print);
+        *status = check_site(site, CONFIG_BUS_USE, args->config_path, args->print);
     } else if (!args->print && log_path != NULL) {
-        *status = run_replay(args, config, log_path);
+        *status = run_replay(args, config_of(site), log_path);
     }
-    config_free(config);
+    site_free(site);
     if (ends && fflush(stdout) != 0 && *status == 0) {
         fprintf(stderr, "verge-rsu:standard output: %s\n", strerror(errno));
         *status = EXIT_SOFTWARE;

@@ -8,7 +8,7 @@
 verge_rsu_status_t monitor_message(const monitor* self, instant at)
 {
     const transport_stats stats = buses_statistics(&self->setup->buses);
-    return status_message(self->status, self->setup->config, self->cycle, &stats, at.utime,
+    return status_message(self->status, config_of(self->setup->site), self->cycle, &stats, at.utime,
                           at.now);
 }
 
@@ -68,7 +68,7 @@ static void log_bus_errors(monitor* self, instant at)
             status_fault(self->status, RSU_FAULT_BUS, at.now, false);
             log_repeated(LOG_WARNING, "bus_trouble", bus,
                          "errors=%" PRIu64 " bus=%s action=keeps_trying", errors,
-                         self->setup->config->site.bus[bus]);
+                         self->setup->site->bus[bus]);
         }
     }
 }

@@ -7,16 +7,11 @@
 #define VERGE_RSU_MONITOR_H
 
 #include "cycle.h"
-#include "reload.h"
 #include "status.h"
 
+#include "daemon/events.h"
 #include "daemon/notify.h"
-
-/// One moment by both clocks.
-typedef struct instant {
-    int64_t now;   ///< [us] CLOCK_MONOTONIC
-    int64_t utime; ///< [us] CLOCK_REALTIME
-} instant;
+#include "daemon/setup.h"
 
 typedef struct monitor {
     setup*       setup;  ///< in effect; its buses take the messages

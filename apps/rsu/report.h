@@ -13,7 +13,7 @@
 #include "common/text.h"
 
 /// [B] Enough for the largest answer: the plans of VERGE_CONTROLLED_MAX vehicles.
-enum { REPORT_SIZE = 256 << 10, REPORT_METRICS_SIZE = 16 << 10 };
+enum { REPORT_SIZE = 256 << 10 };
 
 /// What an answer is made of.
 typedef struct report_input {

@@ -5,7 +5,9 @@
 #define _GNU_SOURCE
 #include "check.h"
 
-#include "rsu/reload.h"
+#include "rsu/config.h"
+
+#include "daemon/reload.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -46,21 +48,27 @@ static void write_config(int rsu_id, const char* bus, bool large, const char* pl
     fclose(out);
 }
 
+static const setup_def DEF = { .path = path, .site = &CONFIG_DEF, .bus_use = CONFIG_BUS_USE };
+
 static void load(setup* now)
 {
     char error[CONFIG_ERROR_SIZE];
     memset(now, 0, sizeof *now);
-    if (config_load(&now->config, path, error) != 0 || setup_build(now, error) != 0 ||
-        buses_open(&now->buses, &now->config->site, CONFIG_BUS_USE, NULL, error, sizeof error) !=
-            TRANSPORT_OK) {
+    if (setup_load(now, &DEF, error) != 0 || setup_plan(now, error) != 0 ||
+        setup_connect(now, &DEF, error) != 0) {
         fail_msg("%s", error);
     }
+}
+
+static int rsu_id_of(const setup* self)
+{
+    return config_of(self->site)->rsu_id;
 }
 
 static void open_both(setup* now, reloader* self)
 {
     load(now);
-    const reloader_def def = { .path = path, .now = now };
+    const reloader_def def = { .setup = DEF, .now = now };
     assert_true(reloader_open(self, &def));
 }
 
@@ -106,7 +114,7 @@ static void test_a_good_configuration_takes_effect_when_it_is_installed(void** s
     static reloader self;
     write_config(1, "loop:", false, "");
     open_both(&now, &self);
-    const config* before = now.config;
+    const site* before = now.site;
     transport*    bus = now.buses.bus[0];
 
     write_config(2, "loop:", false, "\"iterations\": 99, \"threads\": 2");
@@ -116,13 +124,13 @@ static void test_a_good_configuration_takes_effect_when_it_is_installed(void** s
     assert_int_equal(wait_for_result(&self), RELOAD_ACCEPTED);
     assert_int_equal(reloader_answer(&self, ticket), RELOAD_ACCEPTED);
     assert_false(reloader_settled(&self));
-    assert_ptr_equal(now.config, before); // still
-    assert_int_equal(now.config->rsu_id, 1);
-    assert_int_equal(reloader_next(&self)->config->rsu_id, 2);
+    assert_ptr_equal(now.site, before); // still
+    assert_int_equal(rsu_id_of(&now), 1);
+    assert_int_equal(rsu_id_of(reloader_next(&self)), 2);
 
     reloader_install(&self);
-    assert_int_equal(now.config->rsu_id, 2);
-    assert_int_equal(now.config->site.planner.iterations, 99);
+    assert_int_equal(rsu_id_of(&now), 2);
+    assert_int_equal(now.site->planner.iterations, 99);
     assert_non_null(now.planner.helpers);
     assert_ptr_equal(now.buses.bus[0], bus); // the same URL: not opened again
     assert_null(reloader_next(&self));
@@ -139,7 +147,7 @@ static void test_a_wrong_configuration_is_refused_with_the_reason_and_changes_no
     static reloader self;
     write_config(1, "loop:", false, "");
     open_both(&now, &self);
-    const config* before = now.config;
+    const site* before = now.site;
     const verge_planner* planner = now.planner.planner;
     static const struct { const char *bus, *planner, *reason; } CASES[] = {
         { "loop:", "\"bogus\": 1", "bogus" },
@@ -155,7 +163,7 @@ static void test_a_wrong_configuration_is_refused_with_the_reason_and_changes_no
         assert_non_null(strstr(self.error, CASES[i].reason));
         assert_null(reloader_next(&self));
         assert_true(reloader_settled(&self));
-        assert_ptr_equal(now.config, before);
+        assert_ptr_equal(now.site, before);
         assert_ptr_equal(now.planner.planner, planner);
     }
     unlink(path);
@@ -165,7 +173,7 @@ static void test_a_wrong_configuration_is_refused_with_the_reason_and_changes_no
     reloader_ask(&self);
     assert_int_equal(wait_for_result(&self), RELOAD_ACCEPTED); // it works again
     assert_int_equal(settle(&self), 1);
-    assert_int_equal(now.config->rsu_id, 3);
+    assert_int_equal(rsu_id_of(&now), 3);
     close_both(&now, &self);
 }
 
@@ -192,7 +200,7 @@ static void test_reloads_requested_during_a_reload_run_once_after_it(void** stat
     assert_int_equal(settle(&self), 2);
     assert_int_equal(self.ended, 2);
     assert_int_equal(reloader_answer(&self, second), RELOAD_ACCEPTED);
-    assert_int_equal(now.config->rsu_id, 3);
+    assert_int_equal(rsu_id_of(&now), 3);
 
     write_config(4, "loop:", false, "\"bogus\": 1"); // a refused one holds up none
     reloader_ask(&self);

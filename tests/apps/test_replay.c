@@ -38,7 +38,7 @@ static const char* path_of(const char* name)
     return path;
 }
 
-static config* config_with(uint32_t threads)
+static site* config_with(uint32_t threads)
 {
     const char* path = path_of("rsu.json");
     FILE* file = fopen(path, "w");
@@ -53,8 +53,8 @@ static config* config_with(uint32_t threads)
             PERIOD_US / 1000, threads);
     fclose(file);
     char error[CONFIG_ERROR_SIZE];
-    config* loaded = NULL;
-    if (config_load(&loaded, path, error) != 0) {
+    site* loaded = NULL;
+    if (site_load(&loaded, &CONFIG_DEF, path, error) != 0) {
         fail_msg("%s", error);
     }
     return loaded;
@@ -90,7 +90,7 @@ static void log_state(transport* log, int32_t id, int64_t utime, int64_t arrival
     assert_int_equal(transport_record(log, arrival, &message), 0);
 }
 
-static outcome* replay(const config* config, const char* name, const char* record)
+static outcome* replay(const site* config, const char* name, const char* record)
 {
     static outcome results[3]; // the last three stay valid
     static unsigned next;
@@ -100,7 +100,7 @@ static outcome* replay(const config* config, const char* name, const char* recor
     assert_non_null(out);
     char error[CONFIG_ERROR_SIZE];
     const replay_options options = { .log_path = path_of(name), .record_path = record, .out = out };
-    result->code = replay_run(&options, config, &result->report, error);
+    result->code = replay_run(&options, config_of(config), &result->report, error);
     rewind(out);
     line* at = result->lines;
     while (result->count < LINES_MAX &&
@@ -131,7 +131,7 @@ static void log_drive(transport* log, int64_t from, int seconds)
 static void test_a_foreign_log_is_planned_at_multiples_of_the_cycle(void** state)
 {
     (void)state;
-    config* config = config_with(1);
+    site* config = config_with(1);
     transport* log = log_open("foreign.log");
     log_drive(log, EPOCH + 30000, 4);
     transport_close(log);
@@ -147,26 +147,26 @@ static void test_a_foreign_log_is_planned_at_multiples_of_the_cycle(void** state
     }
     const outcome* again = replay(config, "foreign.log", NULL);
     assert_memory_equal(result->lines, again->lines, sizeof result->lines);
-    config_free(config);
+    site_free(config);
 }
 
 static void test_threads_do_not_change_a_digest(void** state)
 {
     (void)state;
-    config* one = config_with(1);
-    config* three = config_with(3);
+    site* one = config_with(1);
+    site* three = config_with(3);
     const outcome* alone = replay(one, "foreign.log", NULL);
     const outcome* together = replay(three, "foreign.log", NULL);
     assert_int_equal(alone->count, 20);
     assert_memory_equal(alone->lines, together->lines, sizeof alone->lines);
-    config_free(one);
-    config_free(three);
+    site_free(one);
+    site_free(three);
 }
 
 static void test_a_state_that_arrives_at_a_cycle_belongs_to_it(void** state)
 {
     (void)state;
-    config* config = config_with(1);
+    site* config = config_with(1);
     transport* log = log_open("edge.log");
     log_state(log, 0, EPOCH + PERIOD_US - 5000, EPOCH + PERIOD_US);
     log_state(log, 1, EPOCH + PERIOD_US - 5000, EPOCH + PERIOD_US + 1);
@@ -176,13 +176,13 @@ static void test_a_state_that_arrives_at_a_cycle_belongs_to_it(void** state)
     assert_true(result->lines[0].utime == EPOCH + PERIOD_US);
     assert_int_equal(result->lines[0].vehicles, 1);
     assert_int_equal(result->lines[1].vehicles, 2);
-    config_free(config);
+    site_free(config);
 }
 
 static void test_a_long_silence_is_left_out(void** state)
 {
     (void)state;
-    config* config = config_with(1);
+    site* config = config_with(1);
     transport* log = log_open("gap.log");
     log_drive(log, EPOCH, 1);
     log_drive(log, EPOCH + 86400000000, 1); // a day later
@@ -192,19 +192,19 @@ static void test_a_long_silence_is_left_out(void** state)
     CHECK_BETWEEN(result->count, 15, 30);
     assert_true(result->lines[result->count - 1].utime >= EPOCH + 86400000000);
     assert_int_equal(result->lines[result->count - 1].vehicles, 3);
-    config_free(config);
+    site_free(config);
 }
 
 static void test_a_recorded_replay_replays_to_the_same_digests(void** state)
 {
     (void)state;
-    config* config = config_with(1);
+    site* config = config_with(1);
     const outcome* first = replay(config, "foreign.log", path_of("marked.log"));
     const outcome* second = replay(config, "marked.log", NULL);
     assert_memory_equal(first->lines, second->lines, sizeof first->lines);
     assert_int_equal(second->report.compared, 20);
     assert_false(second->report.differs);
-    config_free(config);
+    site_free(config);
 }
 
 /// What goes out when a cycle is late and no plan is left.
@@ -253,7 +253,7 @@ static void copy_changed(const char* name, int64_t cycle, bool drop)
 static void test_the_first_cycle_that_differs_is_named(void** state)
 {
     (void)state;
-    config* config = config_with(1);
+    site* config = config_with(1);
     copy_changed("same.log", -1, false);
     assert_false(replay(config, "same.log", NULL)->report.differs);
 
@@ -267,13 +267,13 @@ static void test_the_first_cycle_that_differs_is_named(void** state)
     result = replay(config, "lost.log", NULL);
     assert_true(result->report.differs && result->report.count_differs);
     assert_int_equal(result->report.differs_cycle, 5);
-    config_free(config);
+    site_free(config);
 }
 
 static void test_a_log_cut_off_anywhere_replays_up_to_there(void** state)
 {
     (void)state;
-    config* config = config_with(1);
+    site* config = config_with(1);
     static outcome whole; // a copy: more replays follow than stay valid
     whole = *replay(config, "marked.log", NULL);
     FILE* file = fopen(path_of("marked.log"), "rb");
@@ -291,7 +291,7 @@ static void test_a_log_cut_off_anywhere_replays_up_to_there(void** state)
         assert_memory_equal(part->lines, whole.lines, part->count * sizeof part->lines[0]);
         assert_false(part->report.differs);
     }
-    config_free(config);
+    site_free(config);
 }
 
 static int make_folder(void** state)

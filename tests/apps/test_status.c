@@ -4,6 +4,7 @@
 /// Method: all 128 sets of faults; the test supplies the time.
 #include "check.h"
 
+#include "daemon/operators.h"
 #include "rsu/report.h"
 #include "rsu/status.h"
 
@@ -79,7 +80,7 @@ static void test_programs_get_the_same_list(void** state)
         assert_null(name);
         json_file_free(&file);
 
-        out = text_in(bytes, REPORT_METRICS_SIZE);
+        out = text_in(bytes, OPERATORS_PAGE_SIZE);
         report_metrics(&out, &from);
         assert_false(out.cut);
         for (int fault = 1; fault < RSU_FAULT_COUNT; ++fault) {
@@ -138,7 +139,7 @@ static void test_counters_without_a_field_in_the_message_are_in_the_answers(void
     assert_int_equal(json_integer(&strangers, transport_refusal_name(TRANSPORT_REPLAYED), 0, 9), 3);
     json_file_free(&file);
 
-    out = text_in(bytes, REPORT_METRICS_SIZE);
+    out = text_in(bytes, OPERATORS_PAGE_SIZE);
     report_metrics(&out, &from);
     assert_false(out.cut);
     for (uint64_t i = 0; i < COUNT; ++i) {

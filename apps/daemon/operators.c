@@ -1,8 +1,6 @@
 /// See operators.h.
 #include "operators.h"
 
-#include "report.h"
-
 #include "daemon/log.h"
 #include "daemon/replace.h"
 
@@ -20,8 +18,8 @@ enum { METRICS_PATIENCE_US = 100000 };
 int operators_open(operators* self, const service* service, const operators_def* def,
                    char error[CONFIG_ERROR_SIZE])
 {
-    const server_def control = { "\n", REPORT_SIZE, on_control, self };
-    const server_def metrics = { "\r\n\r\n", REPORT_METRICS_SIZE, on_scrape, self };
+    const server_def control = { "\n", def->answer_size, on_control, self };
+    const server_def metrics = { "\r\n\r\n", OPERATORS_PAGE_SIZE, on_scrape, self };
     char why[CONFIG_ERROR_SIZE - 32];
     self->def = *def;
     memcpy(self->metrics_file, service->metrics_file, sizeof self->metrics_file);
@@ -37,8 +35,8 @@ int operators_open(operators* self, const service* service, const operators_def*
         snprintf(error, CONFIG_ERROR_SIZE, "metrics.listen: %s", why);
         return EXIT_OS;
     }
-    const outlet_def file = { .name = "verge-metrics", .queue_size = 4 * REPORT_METRICS_SIZE,
-                              .record_max = REPORT_METRICS_SIZE, .write = write_metrics,
+    const outlet_def file = { .name = "verge-metrics", .queue_size = 4 * OPERATORS_PAGE_SIZE,
+                              .record_max = OPERATORS_PAGE_SIZE, .write = write_metrics,
                               .context = self };
     if (service->metrics_file[0] != '\0' && (self->metrics_out = outlet_create(&file)) == NULL) {
         snprintf(error, CONFIG_ERROR_SIZE, "metrics.file: the system refused a thread (%s)",
@@ -83,25 +81,31 @@ static bool on_reload(const operators_def* def, uint64_t* ticket, text* answer)
     return true;
 }
 
+static void add_unknown(const operators_request* requests, text* answer)
+{
+    text_add(answer, "{\"error\":\"unknown request, expected ");
+    for (const operators_request* one = requests; one->word != NULL; one++) {
+        text_add(answer, "%s%s", one == requests ? "" : ", ", one->word);
+    }
+    text_add(answer, " or reload\"}\n");
+}
+
 /// A request of verge-ctl is one word, the answer one line of JSON. `reload` is answered when the
 /// reload is over.
 static bool on_control(void* context, const char* request, uint64_t* ticket, text* answer)
 {
     const operators_def* def = &((operators*)context)->def;
-    const report_input view = def->view(def->context);
     const char* word = request != NULL ? request : "";
-    if (strcmp(word, "status") == 0) {
-        report_status(answer, &view);
-    } else if (strcmp(word, "vehicles") == 0) {
-        report_vehicles(answer, view.cycle);
-    } else if (strcmp(word, "plans") == 0) {
-        report_plans(answer, view.cycle);
-    } else if (strcmp(word, "reload") == 0) {
+    if (strcmp(word, "reload") == 0) {
         return on_reload(def, ticket, answer);
-    } else {
-        text_add(answer, "{\"error\":\"unknown request, expected status, vehicles, plans or "
-                 "reload\"}\n");
     }
+    for (const operators_request* one = def->requests; one->word != NULL; one++) {
+        if (strcmp(word, one->word) == 0) {
+            one->answer(def->context, answer);
+            return true;
+        }
+    }
+    add_unknown(def->requests, answer);
     return true;
 }
 
@@ -122,15 +126,14 @@ static bool on_scrape(void* context, const char* request, uint64_t* ticket, text
              : get             ? "404 Not Found"
                                : "405 Method Not Allowed");
     if (here) {
-        const report_input view = def->view(def->context);
-        report_metrics(answer, &view);
+        def->metrics(def->context, answer);
     }
     return true;
 }
 
 void operators_write(operators* self)
 {
-    static char buffer[REPORT_METRICS_SIZE];
+    static char buffer[OPERATORS_PAGE_SIZE];
     if (self->metrics_out == NULL) {
         return;
     }
@@ -140,9 +143,8 @@ void operators_write(operators* self)
                   strerror(error));
     }
     self->metrics_error_logged = error;
-    const report_input view = self->def.view(self->def.context);
     text out = text_in(buffer, sizeof buffer);
-    report_metrics(&out, &view);
+    self->def.metrics(self->def.context, &out);
     outlet_put(self->metrics_out, out.bytes, out.size); // while the disk is slow, some are left out
 }
 

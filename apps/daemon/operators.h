@@ -1,30 +1,36 @@
 /// What serves operators: the control socket for verge-ctl, and the port and the file of metrics
-/// for Prometheus. This file finds the answer to a request; report.h formats it, server.h sends it.
+/// for Prometheus. The daemon makes the answers; this file finds which one is asked for, server.h
+/// sends it.
 ///
 /// Memory      operators_open() allocates everything.
 /// Threads     The main one.
-#ifndef VERGE_RSU_OPERATORS_H
-#define VERGE_RSU_OPERATORS_H
-
-#include "config.h"
-#include "cycle.h"
-#include "reload.h"
-#include "report.h"
+#ifndef VERGE_DAEMON_OPERATORS_H
+#define VERGE_DAEMON_OPERATORS_H
 
 #include "daemon/outlet.h"
+#include "daemon/reload.h"
 #include "daemon/server.h"
+#include "daemon/service.h"
 
 #include <stdatomic.h>
 
 enum { OPERATORS_ENDS = 2 * SERVER_ENDS };
+enum { OPERATORS_PAGE_SIZE = 16 << 10 }; ///< [B] of the longest page of metrics
 
-/// What the answers are made from.
+/// A request of verge-ctl, which is one word.
+typedef struct operators_request {
+    const char* word;
+    void      (*answer)(void* context, text* answer); ///< adds one line of JSON
+} operators_request;
+
 typedef struct operators_def {
-    void*          context;
-    report_input  (*view)(void* context); ///< the present values
-    /// *ticket 0: begins a reload and sets its ticket. Returns its result so far; if it was
-    /// refused, *reason says why.
-    reload_result  (*reload)(void* context, uint64_t* ticket, const char** reason);
+    void*                    context;
+    const operators_request* requests; ///< static; the last one has no word
+    void                   (*metrics)(void* context, text* page); ///< Prometheus's text format
+    size_t                   answer_size; ///< [B] of the longest answer to a request
+    /// The request "reload". *ticket 0: begins a reload and sets its ticket. Returns its result so
+    /// far; if it was refused, *reason says why.
+    reload_result          (*reload)(void* context, uint64_t* ticket, const char** reason);
 } operators_def;
 
 /// All zero: nothing is served.

@@ -7,24 +7,6 @@
 #include <assert.h>
 #include <string.h>
 
-/// [us] For the last events of a recording.
-enum { RECORD_PATIENCE_US = 5000000 };
-
-int setup_build(setup* self, char error[CONFIG_ERROR_SIZE])
-{
-    const site* site = &self->config->site;
-    return planning_open(&self->planner, &site->planner, &site->service, error);
-}
-
-void setup_free(setup* self)
-{
-    recorder_close(self->record, RECORD_PATIENCE_US);
-    buses_close(&self->buses);
-    planning_close(&self->planner);
-    config_free(self->config);
-    memset(self, 0, sizeof *self);
-}
-
 // ---- the main thread ------------------------------------------------------------------------
 
 static void begin(reloader* self);
@@ -103,16 +85,7 @@ const setup* reloader_next(const reloader* self)
 void reloader_install(reloader* self)
 {
     assert(self->phase == RELOAD_PREPARED);
-    setup* now = self->def.now;
-    self->old = *now;
-    *now = self->next;
-    memset(&self->next, 0, sizeof self->next);
-    if (now->buses.count > 0) {
-        buses_succeed(&now->buses, &self->old.buses);
-    } else {
-        now->buses = self->old.buses;
-        memset(&self->old.buses, 0, sizeof self->old.buses);
-    }
+    setup_replace(self->def.now, &self->next, &self->old);
     self->phase = RELOAD_RETIRING;
     worker_start(self->worker, retire_job, self);
 }
@@ -129,30 +102,12 @@ bool reloader_settled(const reloader* self)
 
 // ---- the reload's thread --------------------------------------------------------------------
 
-/// Makes everything that the next configuration needs. Buses are opened only if they differ.
-static int prepare(setup* next, const reloader_def* def, char error[CONFIG_ERROR_SIZE])
-{
-    const config* now = def->now->config;
-    int code = config_load(&next->config, def->path, error);
-    if (code == 0 && !site_may_follow(&now->site, &next->config->site, error)) {
-        code = EXIT_CONFIG;
-    }
-    if (code == 0) {
-        code = setup_build(next, error);
-    }
-    if (code == 0 && !site_same_buses(&next->config->site, &now->site)) {
-        code = buses_open(&next->buses, &next->config->site, CONFIG_BUS_USE, def->log, error,
-                          CONFIG_ERROR_SIZE);
-    }
-    return code;
-}
-
 static void prepare_job(void* arg)
 {
     reloader* self = arg;
     floating_correct(); // before the first number is read
     self->code_error[0] = '\0';
-    self->code = prepare(&self->next, &self->def, self->code_error);
+    self->code = setup_prepare(&self->next, &self->def.setup, self->def.now, self->code_error);
     if (self->code != 0) {
         setup_free(&self->next);
     }

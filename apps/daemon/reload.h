@@ -1,4 +1,4 @@
-/// What is made for a configuration, and how a reload replaces it.
+/// How a new configuration replaces the one in effect.
 ///
 /// Its own thread prepares a reload: it reads and checks the file, builds the road, allocates the
 /// planner and opens new buses. The main thread continues its cycles and swaps the two
@@ -12,30 +12,13 @@
 ///
 /// If a reload is asked for while another one is running, one more follows it.
 ///
-/// Memory      Heap, until setup_free(): at the start and at each reload.
-/// Threads     Only the main thread calls. A setup with several planning threads owns the helpers.
-#ifndef VERGE_RSU_RELOAD_H
-#define VERGE_RSU_RELOAD_H
+/// Memory      That of the setups.
+/// Threads     Only the main thread calls.
+#ifndef VERGE_DAEMON_RELOAD_H
+#define VERGE_DAEMON_RELOAD_H
 
-
-#include "config.h"
-
-#include "daemon/buses.h"
-#include "daemon/recorder.h"
+#include "daemon/setup.h"
 #include "daemon/worker.h"
-
-/// A configuration and what was made for it.
-typedef struct setup {
-    config*   config;
-    planning  planner;
-    buses     buses;  ///< of a next setup: count 0 means that the present buses stay
-    recorder* record; ///< null: no recording, which holds one configuration only
-} setup;
-
-/// Starts the helpers and builds the planner of self->config. Returns 0, or an exit code with a
-/// line in error. Call setup_free() in either case.
-int  setup_build(setup* self, char error[CONFIG_ERROR_SIZE]);
-void setup_free(setup* self); ///< all zero is fine; leaves all zero
 
 typedef enum reload_phase {
     RELOAD_IDLE,
@@ -51,9 +34,8 @@ typedef enum reload_result {
 } reload_result;
 
 typedef struct reloader_def {
-    const char* path; ///< of the configuration; outlives the reloader
-    setup*      now;  ///< in effect; the thread reads its configuration
-    void      (*log)(void* context, const char* line); ///< for complaints of new buses
+    setup_def setup; ///< how the next one is made
+    setup*    now;   ///< in effect; the thread reads its configuration
 } reloader_def;
 
 typedef struct reloader {

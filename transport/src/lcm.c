@@ -1,7 +1,6 @@
 /// lcm: LCM's UDP multicast protocol, implemented without LCM's library.
 ///
-/// One datagram holds one event: "LC02", a sequence number, the channel's name with its
-/// terminator, the payload; numbers big-endian. Every message fits one datagram, so longer events,
+/// One datagram holds one event (lcm_event.h). Every message fits one datagram, so longer events,
 /// which LCM splits into "LC03" fragments, are refused. LCM's library is not used because it
 /// crashes on a fragment whose offset wraps around, keeps the oldest instead of the newest events,
 /// and needs a thread and a heap.
@@ -32,15 +31,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <sys/uio.h>
 #include <unistd.h>
 
-enum {
-    HEADER_SIZE = 8,                 // magic, sequence
-    RECEIVE_BUFFER_SIZE = 1 << 20,   // [B] of the kernel: 700 datagrams wait while we plan
-    ROOM = LCM_DATAGRAM_SIZE_MAX + 64,   // [B] more than any message of ours in its frame
-};
-static const uint32_t magic_single = 0x4c433032; // "LC02"
+enum { RECEIVE_BUFFER_SIZE = 1 << 20 }; // [B] of the kernel: 700 datagrams wait while we plan
 
 /// udpm://ADDRESS:PORT?ttl=N&recv_buf_size=N, each part optional as in LCM.
 typedef struct target {
@@ -60,7 +53,7 @@ typedef struct lcm {
     int       receive_fd; ///< -1: opened for sending only
     uint32_t  lost_before; ///< the kernel's count at the last datagram
     int64_t   retry_at_s;  ///< [s] monotonic: when to join again
-    uint8_t   datagram[ROOM];
+    uint8_t   datagram[LCM_ROOM];
     // Both.
     lcm_auth  auth;
     complaints complaints;
@@ -73,7 +66,6 @@ static int  group_join(int fd, const target* to);
 static void explain(char* error, size_t error_size, const char* url, int cause);
 static void receiver_mend(lcm* self, bool broken);
 static void count_lost(lcm* self, struct msghdr* message);
-static bool frame_parse(const uint8_t* bytes, size_t size, lcm_event* event);
 static transport_refusal judge(lcm* self, const struct sockaddr_in* from, lcm_event* event);
 static void complain(lcm* self, transport_refusal refusal, uint64_t sender);
 
@@ -168,7 +160,7 @@ static take_result lcm_take(void* self, transport_message* message)
     }
     count_lost(mine, &datagram);
     lcm_event event = { .truncated = (datagram.msg_flags & MSG_TRUNC) != 0 };
-    if (!frame_parse(mine->datagram, (size_t)size, &event)) {
+    if (!lcm_datagram_read(mine->datagram, (size_t)size, &event)) {
         count_up(&mine->counts->malformed, 1);
         return TAKE_REFUSED;
     }
@@ -186,27 +178,17 @@ static int lcm_send(void* self, int64_t utime, const transport_message* message)
 {
     (void)utime;
     lcm*         mine = self;
-    const char*  channel = codec_channel(message->kind);
-    uint8_t      header[HEADER_SIZE], payload[CODEC_SIZE_MAX];
-    const size_t size = codec_encode(message->kind, &message->as, payload);
-    codec_put_u32(header, magic_single);
-    codec_put_u32(header + 4, mine->sequence++);
-
+    lcm_datagram event;
     uint8_t      trailer[LCM_AUTH_TRAILER_SIZE];
-    struct iovec parts[4] = {
-        { .iov_base = header, .iov_len = sizeof header },
-        { .iov_base = (void*)(uintptr_t)channel, .iov_len = strlen(channel) + 1 },
-        { .iov_base = payload, .iov_len = size },
-        { .iov_base = trailer, .iov_len = 0 },
-    };
+    lcm_datagram_write(&event, mine->sequence++, message);
     if (mine->auth.own_key != NULL) {
-        lcm_auth_sign(&mine->auth, backend_utime_now(), &parts[1], 2, trailer);
-        parts[3].iov_len = sizeof trailer;
+        lcm_auth_sign(&mine->auth, backend_utime_now(), &event.parts[1], 2, trailer);
+        event.parts[3] = (struct iovec){ .iov_base = trailer, .iov_len = sizeof trailer };
     }
     const struct msghdr datagram = {
         .msg_name = &mine->to.group,
         .msg_namelen = sizeof mine->to.group,
-        .msg_iov = parts,
+        .msg_iov = event.parts,
         .msg_iovlen = 4,
     };
     return sendmsg(mine->send_fd, &datagram, MSG_DONTWAIT | MSG_NOSIGNAL) < 0 ? -1 : 0;
@@ -392,26 +374,6 @@ static void count_lost(lcm* self, struct msghdr* message)
     }
 }
 
-/// True: it is an unfragmented LCM event, and channel and payload point into it.
-static bool frame_parse(const uint8_t* bytes, size_t size, lcm_event* event)
-{
-    if (size < HEADER_SIZE + 2 || codec_get_u32(bytes) != magic_single) {
-        return false;
-    }
-    const uint8_t* name = bytes + HEADER_SIZE;
-    const size_t   room = size - HEADER_SIZE;
-    const size_t   searched = room < sizeof event->channel ? room : sizeof event->channel;
-    const uint8_t* end = memchr(name, '\0', searched);
-    if (end == NULL || end == name) {
-        return false;
-    }
-    const size_t length = (size_t)(end - name);
-    memcpy(event->channel, name, length + 1);
-    event->payload = end + 1;
-    event->size = room - length - 1;
-    return true;
-}
-
 enum { INTERFACE_SIZE = 32 };
 
 /// The interface to which the kernel routes the group; "lo" without a route. The route with the
@@ -486,7 +448,7 @@ static transport_refusal judge(lcm* self, const struct sockaddr_in* from, lcm_ev
     if (self->auth.key_count == 0 || event->truncated) { // lcm_event_read() refuses the latter
         return TRANSPORT_ADMITTED;
     }
-    const uint8_t* bytes = self->datagram + HEADER_SIZE;
+    const uint8_t* bytes = self->datagram + LCM_HEADER_SIZE;
     const size_t   size = (size_t)(event->payload - bytes) + event->size;
     const transport_refusal refusal =
         lcm_auth_verify(&self->auth, backend_utime_now(), bytes, size);

@@ -16,7 +16,7 @@ _verge() {
     OPTION) words=$(printf '%s\n' "$help" | sed -n 's/^  \(--[a-z-]*\).*/\1/p') ;;
     LEVEL) words='error warning info debug' ;;
     FORMAT) words='text json' ;;
-    URL) words='lcm:udpm:// dds:0 log:' ;;
+    URL) words='lcm:udpm:// dds:0 unix: log:' ;;
     *\|*) words=${kind//|/ } ;;
     N | K | S | LIST | NAME) return 0 ;;
     DIR) mapfile -t COMPREPLY < <(compgen -d -- "$current"); return 0 ;;

@@ -37,6 +37,7 @@ typedef struct arguments {
     const char* seed_text;
     bool        quiet;
     bool        all;
+    bool        send_only;
     double      duration; // [s] NaN: the scenario's
     uint64_t    seed;
     bool        seeded;
@@ -54,6 +55,7 @@ typedef struct publisher {
     world           world;
     metrics         metrics;
     transport*      bus;
+    bool            receives;   // plans
     FILE*           run;        // null: not recorded
     progress        progress;
     int64_t         start;      // [us] wall clock at the world's t = 0
@@ -125,6 +127,8 @@ static int read_arguments(arguments* args, int argc, char** argv)
         { "--all", NULL, "prints every plan, not only those that change something", NULL,
           &args->all },
         { "--quiet", NULL, "does not print the plans", NULL, &args->quiet },
+        { "--send-only", NULL, "receives no plans, as a bus unix:PATH requires", NULL,
+          &args->send_only },
     };
     const program self = {
         .name = "verge-publish",
@@ -185,8 +189,9 @@ static int open_bus(publisher* self, const arguments* args)
     options.transport.log = print_line;
     char error[512];
     const unsigned signals = self->scene->signal_count > 0 ? TRANSPORT_SENDS_SIGNALS : 0u;
+    const unsigned plans = self->receives ? TRANSPORT_PLANS : 0u;
     const int opened = transport_open_with(&self->bus, args->bus,
-                                           TRANSPORT_PLANS | TRANSPORT_SENDS_STATES | signals,
+                                           plans | TRANSPORT_SENDS_STATES | signals,
                                            &options.transport, error, sizeof error);
     bus_options_free(&options);
     if (opened == TRANSPORT_OK) {
@@ -199,6 +204,7 @@ static int open_bus(publisher* self, const arguments* args)
 static int run(publisher* self, const arguments* args)
 {
     static output file; // static: 8 KiB of paths
+    self->receives = !args->send_only;
     const int opened = open_bus(self, args);
     if (opened != 0) {
         return opened;
@@ -233,11 +239,11 @@ static void publish_states(publisher* self);
 static void follow_plans(publisher* self, int64_t until);
 static void gather_end(publisher* self);
 
-/// True: a controlled vehicle is in the scene.
-static bool any_controlled(const publisher* self)
+/// True: plans are received, and a controlled vehicle is in the scene.
+static bool plan_expected(const publisher* self)
 {
     bool found = false;
-    for (uint32_t i = 0; i < self->world.vehicle_count; ++i) {
+    for (uint32_t i = 0; self->receives && i < self->world.vehicle_count; ++i) {
         found = found || (self->world.vehicles[i].present &&
                           self->world.vehicles[i].state.controlled);
     }
@@ -266,7 +272,7 @@ static bool publish(publisher* self, double duration)
         if (self->world.tick >= end) {
             break;
         }
-        progress_silence(&self->progress, any_controlled(self), clock_us(CLOCK_MONOTONIC));
+        progress_silence(&self->progress, plan_expected(self), clock_us(CLOCK_MONOTONIC));
         follow_plans(self, begun + ((int64_t)self->world.tick + 1) * TICK_US);
         world_advance(&self->world);
     }
@@ -301,7 +307,7 @@ static void publish_states(publisher* self)
 
 static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_t arrival);
 
-/// Receives plans until the next tick is due.
+/// Receives plans until the next tick is due. Also drains when none waits, as a bus requires.
 static void follow_plans(publisher* self, int64_t until)
 {
     static transport_message batch[DRAIN_BATCH];
@@ -312,9 +318,7 @@ static void follow_plans(publisher* self, int64_t until)
         }
         struct pollfd bus = { .fd = transport_fd(self->bus), .events = POLLIN };
         const struct timespec wait = { .tv_nsec = (long)(left * 1000) };
-        if (ppoll(&bus, 1, &wait, NULL) <= 0) {
-            continue;
-        }
+        (void)ppoll(&bus, 1, &wait, NULL);
         const uint32_t count = transport_drain(self->bus, batch, DRAIN_BATCH);
         for (uint32_t i = 0; i < count; ++i) {
             if (batch[i].kind == TRANSPORT_PLAN) {

@@ -15,6 +15,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 /// Another port than LCM's own, so that a bus in use on this machine is left in peace.
@@ -103,38 +104,38 @@ static size_t bad_frame(test_rng* rng, uint8_t* datagram)
     }
 }
 
-static void send_to_group(int fd, const uint8_t* datagram, size_t size)
+/// A socket that sends to the group.
+static int group_socket(void)
 {
     const struct sockaddr_in to = {
         .sin_family = AF_INET, .sin_port = htons(PORT), .sin_addr.s_addr = inet_addr(GROUP),
     };
-    assert_int_equal(sendto(fd, datagram, size, 0, (const struct sockaddr*)&to, sizeof to), size);
+    const int     fd = socket(AF_INET, SOCK_DGRAM, 0);
+    const uint8_t ttl = 0;
+    setsockopt(fd, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
+    assert_int_equal(connect(fd, (const struct sockaddr*)&to, sizeof to), 0);
+    return fd;
 }
 
-static void test_a_flood_of_hostile_datagrams_costs_no_good_message(void** state)
+static void send_datagram(int fd, const uint8_t* datagram, size_t size)
 {
-    (void)state;
+    assert_int_equal(send(fd, datagram, size, 0), size);
+}
+
+static void check_flood(transport* bus, int fd)
+{
     static uint8_t           datagram[ROOM + 200];
     static transport_message messages[64];
-    char                     error[256];
-    transport*               bus;
-    if (transport_open(&bus, url, TRANSPORT_STATES, error, sizeof error) != TRANSPORT_OK) {
-        printf("             SKIPPED: %s\n", error);
-        skip();
-    }
     test_rng       rng = test_rng_seeded("hostile");
-    const int      fd = socket(AF_INET, SOCK_DGRAM, 0);
     const uint32_t rounds = test_rounds(20000);
     uint64_t       sent = 0;
     uint32_t       good_sent = 0, good_received = 0;
-    const uint8_t  ttl = 0;
-    setsockopt(fd, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
 
     for (uint32_t round = 0; round < rounds; ++round) {
-        send_to_group(fd, datagram, bad_frame(&rng, datagram));
+        send_datagram(fd, datagram, bad_frame(&rng, datagram));
         ++sent;
-        if (round % 10 == 0) {
-            send_to_group(fd, datagram, good_frame(datagram, (int32_t)good_sent));
+        if (round % 5 == 0) { // a Unix socket holds ten
+            send_datagram(fd, datagram, good_frame(datagram, (int32_t)good_sent));
             ++sent;
             ++good_sent;
             uint32_t got;
@@ -164,6 +165,33 @@ static void test_a_flood_of_hostile_datagrams_costs_no_good_message(void** state
     transport_close(bus);
 }
 
+static void test_a_flood_of_hostile_datagrams_costs_no_good_message(void** state)
+{
+    (void)state;
+    char       error[256];
+    transport* bus;
+    if (transport_open(&bus, url, TRANSPORT_STATES, error, sizeof error) != TRANSPORT_OK) {
+        printf("             SKIPPED: %s\n", error);
+        skip();
+    }
+    check_flood(bus, group_socket());
+}
+
+static void test_a_flood_on_a_unix_socket_costs_no_good_message(void** state)
+{
+    (void)state;
+    char               error[256], socket_url[128];
+    transport*         bus;
+    struct sockaddr_un to = { .sun_family = AF_UNIX };
+    snprintf(to.sun_path, sizeof to.sun_path, "/tmp/verge_test_hostile_%d", (int)getpid());
+    snprintf(socket_url, sizeof socket_url, "unix:%s", to.sun_path);
+    assert_int_equal(transport_open(&bus, socket_url, TRANSPORT_STATES, error, sizeof error),
+                     TRANSPORT_OK);
+    const int fd = socket(AF_UNIX, SOCK_DGRAM, 0);
+    assert_int_equal(connect(fd, (const struct sockaddr*)&to, sizeof to), 0);
+    check_flood(bus, fd);
+}
+
 static void test_datagrams_lost_in_the_kernel_are_counted(void** state)
 {
     (void)state;
@@ -176,17 +204,15 @@ static void test_datagrams_lost_in_the_kernel_are_counted(void** state)
         printf("             SKIPPED: %s\n", error);
         skip();
     }
-    const int     fd = socket(AF_INET, SOCK_DGRAM, 0);
-    const uint8_t ttl = 0;
-    setsockopt(fd, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
-    uint64_t received = 0;
+    const int fd = group_socket();
+    uint64_t  received = 0;
     for (int32_t id = 0; id < 200; ++id) {
-        send_to_group(fd, datagram, good_frame(datagram, id));
+        send_datagram(fd, datagram, good_frame(datagram, id));
     }
     for (uint32_t got; (got = transport_drain(bus, messages, 64)) > 0;) {
         received += got;
     }
-    send_to_group(fd, datagram, good_frame(datagram, 200)); // brings the kernel's count with it
+    send_datagram(fd, datagram, good_frame(datagram, 200)); // brings the kernel's count with it
     received += transport_drain(bus, messages, 64);
     assert_true(received < 201);
     assert_int_equal(transport_statistics(bus).dropped, 201 - received);
@@ -272,6 +298,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_flood_of_hostile_datagrams_costs_no_good_message),
+        cmocka_unit_test(test_a_flood_on_a_unix_socket_costs_no_good_message),
         cmocka_unit_test(test_datagrams_lost_in_the_kernel_are_counted),
         cmocka_unit_test(test_an_attacker_with_the_checksum_still_meets_the_ranges),
         cmocka_unit_test(test_a_forged_plan_that_is_accepted_has_finite_values),

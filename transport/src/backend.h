@@ -73,10 +73,11 @@
 
 #include <stdatomic.h>
 
-/// The bits of `receive` that request messages.
+/// The bits of `receive` that request messages, and those that announce what will be sent.
 enum {
     RECEIVE_MASK = TRANSPORT_STATES | TRANSPORT_PLANS | TRANSPORT_STATUSES | TRANSPORT_SIGNALS
                    | TRANSPORT_TRAJECTORIES | TRANSPORT_MARKS,
+    SENDS_MASK = RECEIVE_MASK << 8,
 };
 
 /// transport_stats, countable by two threads.

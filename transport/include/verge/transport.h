@@ -24,12 +24,21 @@
 ///                       order between vehicles is not kept. So it is with signals, by lane. Plans
 ///                       are sent again until they arrive or are replaced, for at most three
 ///                       seconds.
+///             unix:PATH a Unix datagram socket of this machine, absolute or relative, 1 to 100
+///                       characters, in one direction. A program that receives binds PATH (mode
+///                       0660) and removes it at close. A socket left there by a program that has
+///                       ended is replaced; one in use, or another file, is refused. A program that
+///                       requests no kind sends to PATH, also to a receiver that starts later or
+///                       again. Sending fails while no program receives there or its queue is full
+///                       (the kernel's net.unix.max_dgram_qlen, often 10 messages). Receiving and
+///                       announcing messages to send on one URL is refused. The datagrams are those
+///                       of LCM.
 ///             log:FILE  an LCM event log: a regular file to read, or any file to write if opened
 ///                       with TRANSPORT_RECORD. Written events are in the file at each mark and at
 ///                       close. Writing blocks while the file does (a FIFO whose reader is slow).
 ///                       A FIFO is opened with or without a reader.
 /// Senders     Every message has the id of its sender: on LCM address and port, on DDS the writer,
-///             on loop: the end. A log has none.
+///             on loop: the end, on unix: the process id. A log has none.
 /// Loss        If an open bus fails, its errors are counted, and it is opened again automatically
 ///             with the same descriptor. For that, drain once a second even if no message waits.
 #ifndef VERGE_TRANSPORT_H
@@ -209,14 +218,14 @@ int  transport_open(transport** bus, const char* url, unsigned receive, char* er
                     size_t error_size);
 void transport_close(transport* bus); ///< null: no effect
 
-/// Descriptor for poll(); -1 for log: (always ready until transport_ended()) and for an lcm: bus
-/// that was opened only to send.
+/// Descriptor for poll(); -1 for log: (always ready until transport_ended()) and for an lcm: or
+/// unix: bus that was opened only to send.
 int  transport_fd(const transport* bus);
 /// Takes at most max waiting messages and never blocks. Returns their number. 0 may also mean that
 /// messages of other channels were skipped and more are waiting, as poll() shows.
 uint32_t transport_drain(transport* bus, transport_message* messages, uint32_t max);
 /// A sender as text: on LCM its address as 10.1.0.7:40312, on DDS the GUID of its writer, as DDS
-/// tools list it; cut to size.
+/// tools list it, on unix: "pid 4711"; cut to size.
 void transport_sender_text(const transport* bus, uint64_t sender, char* text, size_t size);
 /// log: True: all messages were read.
 bool transport_ended(const transport* bus);

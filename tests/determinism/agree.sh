@@ -12,7 +12,9 @@ count=0
 failed=0
 for other in */digests.txt; do
     count=$((count + 1))
-    if ! diff "$first" "$other" >difference.txt; then
+    last=$(awk 'END { print $2 }' "$other") # cycle; some variants make fewer
+    [ -n "$last" ] || { echo "${other%/*} printed no digest" >&2; exit 1; }
+    if ! awk -v last="$last" '$2 <= last' "$first" | diff - "$other" >difference.txt; then
         echo "${first%/*} (<) and ${other%/*} (>) plan differently:" >&2
         head -10 difference.txt >&2
         failed=1

@@ -15,18 +15,19 @@
 /// as the planner predicts them; so a difference of one bit anywhere grows.
 #include "shipped.h"
 
-#include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum {
-    CYCLES = 4,        // the first without, the others with a plan to keep to
-    CYCLE_POINTS = 5,  // points of the trajectory driven between two cycles
+    CYCLES = VERGE_DIGEST_CYCLES, // the first without, the others with a plan to keep to
+    CYCLE_POINTS = 5,             // points of the trajectory driven between two cycles
+    MEMORY_SIZE = 12 << 20,       // [B] for planner and humans of any scenario
 };
 
-static verge_plan plan; // large: not on the stack
+// Static, so that the program needs no heap.
+static verge_plan plan;
+static unsigned char memory[MEMORY_SIZE] __attribute__((aligned(64)));
 
 static void follow_plans(verge_vehicle* vehicles, uint32_t vehicle_count)
 {
@@ -55,14 +56,13 @@ static int plan_scenario(const scenario* scene)
     scene->set(&def);
 
     const size_t size = (verge_planner_memory_size(&def) + 63) / 64 * 64;
-    void* memory = size > 0 ? aligned_alloc(64, size) : NULL;
+    const bool fits = size > 0 && size < sizeof memory;
     verge_planner* planner = NULL;
-    verge_status status = verge_planner_init(&planner, &def, memory, size);
-    const size_t humans_size = (verge_humans_memory_size(&def) + 63) / 64 * 64;
-    void* humans_memory = humans_size > 0 ? aligned_alloc(64, humans_size) : NULL;
     verge_humans* humans = NULL;
-    status = status != VERGE_OK ? status
-                                : verge_humans_init(&humans, &def, humans_memory, humans_size);
+    verge_status status = fits ? verge_planner_init(&planner, &def, memory, size) : VERGE_ERR_MEMORY;
+    if (status == VERGE_OK) {
+        status = verge_humans_init(&humans, &def, memory + size, sizeof memory - size);
+    }
 
     static verge_vehicle vehicles[VERGE_VEHICLES_MAX];
     const uint32_t count = scene->vehicle_count;
@@ -73,14 +73,13 @@ static int plan_scenario(const scenario* scene)
         const int64_t cycle_us = (int64_t)(def.point_s * CYCLE_POINTS * 1e6 + 0.5);
         status = verge_planner_step(planner, cycle * cycle_us, vehicles, count, &plan);
         if (status == VERGE_OK) {
-            printf("%s %" PRIu32 " %016" PRIx64 "\n", scene->name, cycle, plan.digest);
+            printf("%s %u %016llx\n", scene->name, (unsigned)cycle,
+                   (unsigned long long)plan.digest);
             status = verge_humans_advance(humans, verge_planner_road(planner), NULL, vehicles, count,
                                           def.point_s * CYCLE_POINTS);
             follow_plans(vehicles, count);
         }
     }
-    free(humans_memory);
-    free(memory);
     if (status != VERGE_OK) {
         fprintf(stderr, "%s: %s\n", scene->name, verge_status_text(status));
     }

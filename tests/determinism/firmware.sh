@@ -1,0 +1,36 @@
+#!/bin/bash
+# Claim: the firmware of apps/embedded plans the same on a Cortex-M7 without an operating system as
+# on this computer.
+#
+#     firmware.sh SOURCE_DIR WORK_DIR
+#
+# Exit 77 where the compiler or emulator is not installed.
+set -euo pipefail
+embedded=$1/apps/embedded
+build=$2/firmware
+
+for tool in arm-none-eabi-g++ qemu-system-arm; do
+    command -v $tool >/dev/null || { echo "SKIPPED: $tool is not installed (tools/setup)"; exit 77; }
+done
+
+# build DIRECTORY CMAKE_ARGUMENT...
+build() {
+    local directory=$1
+    shift
+    mkdir -p "$directory"
+    { cmake -S "$embedded" -B "$directory" "$@" && cmake --build "$directory"; } \
+        >"$directory/log.txt" 2>&1 ||
+        { grep -E -A3 'error|undefined' "$directory/log.txt" >&2; exit 1; }
+}
+
+build "$build/desktop"
+build "$build/board" -DCMAKE_TOOLCHAIN_FILE="$embedded/arm-none-eabi.cmake"
+"$build/desktop/firmware" >"$build/desktop.txt"
+timeout 120 "$embedded/emulate" "$build/board/firmware.elf" >"$build/board.txt"
+
+plans() { sed -n 's/^\(plan .*\) ticks .*/\1/p' "$1"; } # the desktop has no clock
+count=$(plans "$build/board.txt" | wc -l)
+[ "$count" = 150 ] || { echo "the firmware made $count plans, expected 150" >&2; exit 1; }
+diff <(plans "$build/desktop.txt") <(plans "$build/board.txt") ||
+    { echo "this computer (<) and the board (>) plan differently" >&2; exit 1; }
+echo "$count plans of the firmware are the same on this computer and on a Cortex-M7"

@@ -1,8 +1,8 @@
 // A vehicle in the middle of three lanes, with 8 neighbours. The one ahead of it brakes to a
-// standstill, waits and departs again; the others keep their speeds.
+// standstill, waits and departs again, and so does the one behind it; the others keep their speeds.
 #include "vehicle.h"
 
-enum { OWN = 0, AHEAD = 5, BRAKES = 20, STANDS = 70, DEPARTS = 80 }; // the last three: cycles
+enum { OWN = 0, BEHIND = 2, AHEAD = 5, BRAKES = 20, STANDS = 70, DEPARTS = 80 }; // the last three: cycles
 #define CYCLE_S (1e-6 * CYCLE_US)
 
 static const double centerlines[LANES][2][2] = {
@@ -55,9 +55,9 @@ void vehicle_receive(verge_vehicle heard[VEHICLES])
     if (cycle == 0) {
         set_start();
     }
-    now[AHEAD].acceleration = cycle >= DEPARTS                     ? 1.0
-                              : cycle >= BRAKES && cycle < STANDS ? -2.0
-                                                                   : 0.0;
+    const bool brakes = cycle >= BRAKES && cycle < STANDS;
+    now[AHEAD].acceleration = cycle >= DEPARTS ? 1.0 : brakes ? -2.0 : 0.0;
+    now[BEHIND].acceleration = now[AHEAD].acceleration;
     for (int i = 0; i < VEHICLES; ++i) {
         if (cycle > 0 && i != OWN) {
             const double v = now[i].speed + CYCLE_S * now[i].acceleration;

@@ -17,6 +17,8 @@
 #include "motion/trailer.h"
 #include "motion/workspace.h"
 
+#include <stddef.h>
+
 enum {
     first_tries_max = 6, // candidates of the first segment that are tried; each costs one batch
     limit_parts = 10,    // parts of a step in the exact limit check: 10 ms each at 0.1 s
@@ -58,6 +60,8 @@ static bool choose(vg_workspace* ws, vg_batch* batch, const chain* chain, uint32
                    uint32_t* choice);
 static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* chain,
                        uint32_t lane, uint32_t candidate);
+static bool runs_out(const vg_workspace* ws, const vg_batch* batch, const chain* chain,
+                     uint32_t lane);
 static bool leaves_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
                         uint32_t lane, const vg_leg* leg);
 static double nose_beyond_lane(const vg_workspace* ws, const vg_batch* batch, const vg_job* job,
@@ -66,7 +70,8 @@ static void take(vg_workspace* ws, const vg_batch* batch, const chain* chain, ui
                  uint32_t candidate);
 static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, const vg_leg* leg,
                         double offset);
-static bool collides(vg_workspace* ws, const vg_batch* batch, const chain* chain);
+static const verge_track* first_met(const vg_workspace* ws, const vg_batch* batch,
+                                    const chain* chain);
 static bool body_collides(const vg_workspace* ws, uint32_t i, const vg_batch* batch,
                           const chain* chain, uint32_t j);
 static uint32_t reference_lane(const vg_job* job, const vg_segment* segment, uint32_t lane);
@@ -357,31 +362,46 @@ static bool slowly_out(const vg_workspace* ws, const vg_batch* batch)
     return slow;
 }
 
+/// The checks of a candidate, the cheapest first. The most expensive one, that of the limits between
+/// the points, can be left out after a contact if it is known already that such contacts occur.
 static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* chain,
                        uint32_t lane, uint32_t candidate)
 {
     const vg_job* job = chain->job;
     const vg_leg* leg = &batch->legs[candidate / batch->offset_count];
     const double offset = batch->offsets[candidate % batch->offset_count];
-    if (!limits_hold(batch, job->def, leg, offset)) {
-        return false;
-    }
     vg_workspace_drive(ws, job->def, leg, offset, batch->start, batch->last);
     if (batch->in_lane && leaves_lane(ws, batch, job, lane, leg)) {
         return false;
     }
-    if ((batch->marks[candidate] & VG_ALARM) != 0 && collides(ws, batch, chain)) {
+    const bool alarm = (batch->marks[candidate] & VG_ALARM) != 0;
+    const verge_track* met = alarm ? first_met(ws, batch, chain) : NULL;
+    bool* refused = met == NULL       ? NULL
+                    : met->controlled ? &ws->refusals.controlled
+                                      : &ws->refusals.uncontrolled;
+    if (met == NULL ? runs_out(ws, batch, chain, lane) : *refused) {
         return false;
     }
+    const bool holds = limits_hold(batch, job->def, leg, offset);
+    if (refused != NULL) {
+        *refused = holds;
+        return false;
+    }
+    return holds;
+}
+
+/// Does the candidate drive over the end of the present lane or of the reference lane?
+static bool runs_out(const vg_workspace* ws, const vg_batch* batch, const chain* chain,
+                     uint32_t lane)
+{
+    const vg_job* job = chain->job;
     const double braking = chain->emergency ? VG_DEAD_END_BRAKING : job->def->comfort_braking;
     const vg_lane* lanes = job->road->lanes;
-    if (lanes[job->lane].dead_end
-        && vg_workspace_runs_out(ws, job, &lanes[job->lane], batch->last, braking,
-                                 slowly_out(ws, batch))) {
-        return false;
-    }
-    return lane == job->lane || !lanes[lane].dead_end
-        || !vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking, false);
+    return (lanes[job->lane].dead_end
+            && vg_workspace_runs_out(ws, job, &lanes[job->lane], batch->last, braking,
+                                     slowly_out(ws, batch)))
+        || (lane != job->lane && lanes[lane].dead_end
+            && vg_workspace_runs_out(ws, job, &lanes[lane], batch->last, braking, false));
 }
 
 /// Does a lane-keeping segment end beyond the lane boundary, and farther out than it began?
@@ -440,23 +460,22 @@ static bool limits_hold(const vg_batch* batch, const verge_planner_def* def, con
     return true;
 }
 
-/// The exact check: does the vehicle or its trailer touch another body up to the end of this leg?
-static bool collides(vg_workspace* ws, const vg_batch* batch, const chain* chain)
+/// The exact check: the first track that the vehicle or its trailer touches up to the end of this
+/// leg, null if there is none.
+static const verge_track* first_met(const vg_workspace* ws, const vg_batch* batch,
+                                    const chain* chain)
 {
     const verge_tracks* tracks = chain->tracks;
     const uint32_t own = chain->job->track_index, trailer = vg_trailer_of(tracks, own);
     for (uint32_t i = 0; i < vg_workspace_bodies(ws); ++i) {
         for (uint32_t j = 0; j < tracks->count; ++j) {
-            const verge_track* other = &tracks->of[j];
             const bool yields = (ws->ignored >> j & 1) != 0;
             if (j != own && j != trailer && !yields && body_collides(ws, i, batch, chain, j)) {
-                ws->refusals.uncontrolled |= !other->controlled;
-                ws->refusals.controlled |= other->controlled;
-                return true;
+                return &tracks->of[j];
             }
         }
     }
-    return false;
+    return NULL;
 }
 
 /// Does body i of the vehicle touch track j?

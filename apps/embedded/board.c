@@ -6,7 +6,7 @@
 int main(int argc, char** argv);
 void reset(void) __attribute__((noreturn));
 
-extern uint32_t bss_start[], bss_end[], data_start[], data_end[], stack_top[];
+extern uint32_t arena_start[], arena_end[], bss_start[], bss_end[], data_start[], data_end[], stack_top[];
 extern const uint32_t data_image[];
 
 // CMSDK peripherals of the board.
@@ -34,9 +34,16 @@ void reset(void)
     CPACR |= 0xFu << 20; // full access to the floating point unit
     __asm__ volatile("dsb\n isb");
     memcpy(data_start, data_image, (size_t)((char*)data_end - (char*)data_start));
+    memset(arena_start, 0, (size_t)((char*)arena_end - (char*)arena_start));
     memset(bss_start, 0, (size_t)((char*)bss_end - (char*)bss_start));
     start_devices();
     board_exit(main(0, NULL));
+}
+
+bool board_wait(void)
+{
+    static uint32_t cycles;
+    return cycles++ < 150;
 }
 
 void board_write(const char* text)

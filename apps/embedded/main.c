@@ -6,17 +6,16 @@
 
 #include <string.h>
 
-enum { CYCLES = 150 };
 #define ARENA static __attribute__((section(".arena"), aligned(64)))
 
 ARENA unsigned char           predictor_memory[24 << 10];
 ARENA unsigned char           sampler_memory[44 << 10];
 ARENA verge_track             bodies[VEHICLES];
-ARENA unsigned char           road_memory[192 << 10];
-static verge_vehicle          heard[VEHICLES], vehicles[VEHICLES];
-static verge_lane_position    positions[VEHICLES];
-static verge_vehicle_decision decisions[1];
-static verge_vehicle_plan     plans[2]; // of this cycle and of the last one, in turn
+ARENA verge_vehicle           heard[VEHICLES], vehicles[VEHICLES];
+ARENA verge_lane_position     positions[VEHICLES];
+ARENA verge_vehicle_decision  decisions[1];
+ARENA verge_vehicle_plan      plans[2]; // of this cycle and of the last one, in turn
+static unsigned char          road_memory[192 << 10] __attribute__((aligned(64)));
 static verge_predictor*       predictor;
 static verge_sampler*         sampler;
 
@@ -90,7 +89,7 @@ int main(void)
     const verge_road* road = NULL;
     verge_status status = start(&road);
     verge_scene scene = verge_scene_make(road, vehicles, positions, VEHICLES);
-    for (int i = 0; i < CYCLES && status == VERGE_OK; ++i) {
+    for (int i = 0; status == VERGE_OK && board_wait(); ++i) {
         verge_vehicle_plan* plan = &plans[i % 2];
         vehicle_receive(heard);
         const uint32_t begin = board_ticks();

@@ -5,6 +5,8 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 
+#include <string.h>
+
 typedef enum kind {
     nothing, // before the first step; any action counts as a repetition of it
     keep,
@@ -81,29 +83,31 @@ static double best_value(const problem* self, const layer* later, uint32_t step,
     return best;
 }
 
+// From the last step to the first one, in one layer: a state leads to no state before it in the order
+// of these loops, so its values can be replaced.
 static double solve(const problem* self)
 {
-    layer buffer[2];
+    layer values;
     const uint32_t steps = self->steps;
     for (uint32_t made = 0; made <= steps && made <= self->halves; ++made) {
         for (uint32_t n = 0; n <= steps; ++n) {
             for (uint32_t k = 0; k < kind_count; ++k) {
-                buffer[steps % 2u][made][n][k] = end_value(self, self->halves - made, n, 0.0);
+                values[made][n][k] = end_value(self, self->halves - made, n, 0.0);
             }
         }
     }
-    for (uint32_t step = steps; step > 0; --step) {
-        const uint32_t t = step - 1u;
+    for (uint32_t t = steps; t-- > 0;) {
         for (uint32_t made = 0; made <= t && made <= self->halves; ++made) {
             for (uint32_t n = 0; n <= t; ++n) {
+                double now[kind_count];
                 for (uint32_t k = 0; k < kind_count; ++k) {
-                    buffer[t % 2u][made][n][k] =
-                        best_value(self, &buffer[step % 2u], t, made, n, (kind)k);
+                    now[k] = best_value(self, &values, t, made, n, (kind)k);
                 }
+                memcpy(values[made][n], now, sizeof now);
             }
         }
     }
-    return buffer[0][0][0][nothing];
+    return values[0][0][nothing];
 }
 
 static problem problem_of(const vg_model* model, const vg_flow* root, uint32_t slot,

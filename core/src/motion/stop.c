@@ -10,6 +10,7 @@ static const double limit_share = 0.98;
 /// Speeds below this are no divisors: steering at walking pace. [m/s]
 static const double slow = 0.5;
 
+static vg_rear place_at(const vg_leg* leg, double offset, double s);
 static double next_acceleration(const vg_stop* stop, const vg_rear* here, double h);
 
 void vg_stop_in_lane(vg_leg* leg, const vg_path* path, const vg_limits* limits,
@@ -79,15 +80,16 @@ vg_stop vg_stop_from(const vg_leg* leg, double offset, double speed, double acce
     VERGE_ASSERT(leg->by_distance && leg->span > 0.0);
     VERGE_ASSERT(speed >= 0.0 && jerk > 0.0);
     return (vg_stop){ .leg = leg, .offset = offset, .level = level, .jerk = jerk,
-                      .speed_max = VG_HUGE, .s = leg->s_start, .speed = speed,
+                      .speed_max = VG_HUGE, .s = leg->s_start,
+                      .place = place_at(leg, offset, leg->s_start), .speed = speed,
                       .acceleration = acceleration };
 }
 
 /// The rear axle at s, with derivatives by the distance along the path instead of time.
-static vg_rear place_at(const vg_stop* stop, double s)
+static vg_rear place_at(const vg_leg* leg, double offset, double s)
 {
-    const vg_row row = vg_leg_place(stop->leg, s);
-    return vg_rear_of(&row, stop->offset);
+    const vg_row row = vg_leg_place(leg, s);
+    return vg_rear_of(&row, offset);
 }
 
 /// Speed of the centre over that of the rear axle. [1]
@@ -98,7 +100,7 @@ static double ratio_of(const vg_stop* stop, const vg_rear* place)
 
 vg_rear vg_stop_at(const vg_stop* stop)
 {
-    vg_rear rear = place_at(stop, stop->s);
+    vg_rear rear = stop->place;
     const double ratio = ratio_of(stop, &rear);
     const double v = stop->speed / ratio;
     const double axle = stop->leg->limits->rear_axle;
@@ -113,10 +115,13 @@ vg_rear vg_stop_at(const vg_stop* stop)
 /// Moves s by a distance of the centre, by the midpoint rule.
 static void move(vg_stop* stop, double distance)
 {
-    vg_rear place = place_at(stop, stop->s);
-    const double middle = stop->s + 0.5 * distance / (place.speed * ratio_of(stop, &place));
-    place = place_at(stop, middle);
-    stop->s += distance / (place.speed * ratio_of(stop, &place));
+    if (distance == 0.0) {
+        return; // it stands
+    }
+    const double half = 0.5 * distance / (stop->place.speed * ratio_of(stop, &stop->place));
+    const vg_rear middle = place_at(stop->leg, stop->offset, stop->s + half);
+    stop->s += distance / (middle.speed * ratio_of(stop, &middle));
+    stop->place = place_at(stop->leg, stop->offset, stop->s);
 }
 
 void vg_stop_advance(vg_stop* stop, double h)

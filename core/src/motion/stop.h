@@ -38,6 +38,7 @@ typedef struct vg_stop {
     double jerk;          ///< [m/s^3]
     double speed_max;     ///< [m/s]
     double s;             ///< [m] coordinate of the rear axle on the leg's path
+    vg_rear place;        ///< the rear axle there, with derivatives by the distance along the path
     double speed, acceleration, rate; ///< of the centre: [m/s], [m/s^2], [m/s^3]
 } vg_stop;
 

@@ -37,9 +37,16 @@ struct verge_planner {
 static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def);
 static verge_status   place(verge_planner* self, int64_t utime, const verge_vehicle* vehicles,
                             uint32_t count);
-static void           plan_all(verge_planner* self, verge_plan* plan);
-static void           remember(verge_planner* self, const verge_plan* plan);
-static void           report(verge_planner* self, verge_plan* plan);
+static verge_status   begin(verge_planner* self, const verge_scene* now);
+static verge_scene    copy_scene(verge_planner* self, const verge_scene* scene);
+static verge_status   carry_out(verge_planner* self, const verge_decision* decision,
+                                verge_plan* plan);
+static bool           plan_all(verge_planner* self, const verge_decision* decision,
+                               verge_plan* plan);
+static void           remember(verge_planner* self, const verge_vehicle_plan* plans,
+                               uint32_t count);
+static void           report(verge_planner* self, const verge_decision* decision,
+                             verge_plan* plan);
 
 // ---------------------------------------------------------------------------- memory
 
@@ -253,17 +260,72 @@ verge_status verge_planner_step_for(uint64_t config, verge_planner* self, int64_
         return status;
     }
     // First the joint decision of all vehicles, then one trajectory for each.
-    const verge_scene* scene = &self->scenes[0];
-    verge_status done = verge_decide(self->decider, scene, &self->commitment, &self->decision);
+    verge_status done =
+        verge_decide(self->decider, &self->scenes[0], &self->commitment, &self->decision);
     VERGE_ASSERT(done == VERGE_OK);
     verge_decision_round(&self->decision);
-    done = verge_predict(self->predictor, scene, &self->decision, &self->tracks);
+    done = carry_out(self, &self->decision, plan);
     VERGE_ASSERT(done == VERGE_OK);
-    (void)done;
-    plan->search = self->decision.search;
-    plan_all(self, plan);
-    remember(self, plan);
-    report(self, plan);
+    return done;
+}
+
+verge_status verge_planner_repeat_for(uint64_t config, verge_planner* self,
+                                      const verge_scene* scene, const verge_decision* decision,
+                                      const verge_vehicle_plan* last, uint32_t last_count,
+                                      verge_plan* plan)
+{
+    if (config != VERGE_CONFIG) {
+        return VERGE_ERR_CONFIG;
+    }
+    if (self == NULL || plan == NULL || decision == NULL || (last == NULL && last_count > 0)
+        || !vg_scene_holds(scene) || scene->road != self->road) {
+        return VERGE_ERR_ARGUMENT;
+    }
+    if (scene->vehicle_count > self->def.vehicles_max || last_count > self->def.controlled_max) {
+        return VERGE_ERR_CAPACITY;
+    }
+    const verge_scene now = copy_scene(self, scene);
+    const verge_status status = begin(self, &now);
+    if (status != VERGE_OK) {
+        return status;
+    }
+    remember(self, last, last_count);
+    return carry_out(self, decision, plan);
+}
+
+// In the arrays of scenes[1]. The scene may be scenes[0].
+static verge_scene copy_scene(verge_planner* self, const verge_scene* scene)
+{
+    verge_scene copy = *scene;
+    copy.vehicles = self->scenes[1].vehicles;
+    copy.positions = self->scenes[1].positions;
+    copy.vehicles_max = self->scenes[1].vehicles_max;
+    copy.signals = self->signals_now;
+    for (uint32_t i = 0; i < copy.vehicle_count; ++i) {
+        copy.vehicles[i] = scene->vehicles[i];
+        copy.positions[i] = scene->positions[i];
+    }
+    for (uint32_t i = 0; i < copy.signal_count; ++i) {
+        self->signals_now[i] = scene->signals[i];
+    }
+    return copy;
+}
+
+// Predicts, plans, remembers and reports.
+static verge_status carry_out(verge_planner* self, const verge_decision* decision,
+                              verge_plan* plan)
+{
+    const verge_status status =
+        verge_predict(self->predictor, &self->scenes[0], decision, &self->tracks);
+    if (status != VERGE_OK) {
+        return status;
+    }
+    if (!plan_all(self, decision, plan)) {
+        return VERGE_ERR_DEF;
+    }
+    plan->search = decision->search;
+    remember(self, plan->vehicles, plan->vehicle_count);
+    report(self, decision, plan);
     return VERGE_OK;
 }
 
@@ -278,16 +340,20 @@ static verge_status place(verge_planner* self, int64_t utime, const verge_vehicl
                      vg_seconds_between(self->signals_utime, utime));
     now.signal_count = self->signal_count;
     now.signals = self->signals_now;
-    verge_status status = verge_scene_place(&now, utime, vehicles, count, &before);
-    if (status == VERGE_OK && (vg_bits(vg_scene_controlled(&now)) > self->def.controlled_max
-                               || vg_scene_bodies(&now) > self->def.vehicles_max)) {
-        status = VERGE_ERR_CAPACITY;
+    const verge_status status = verge_scene_place(&now, utime, vehicles, count, &before);
+    return status == VERGE_OK ? begin(self, &now) : status;
+}
+
+// Makes a scene in the arrays of scenes[1] the present one, unless it has too many vehicles.
+static verge_status begin(verge_planner* self, const verge_scene* now)
+{
+    if (vg_bits(vg_scene_controlled(now)) > self->def.controlled_max
+        || vg_scene_bodies(now) > self->def.vehicles_max) {
+        return VERGE_ERR_CAPACITY;
     }
-    if (status == VERGE_OK) {
-        self->scenes[0] = now;
-        self->scenes[1] = before;
-    }
-    return status;
+    self->scenes[1] = self->scenes[0];
+    self->scenes[0] = *now;
+    return VERGE_OK;
 }
 
 static const verge_vehicle_plan* plan_before(const verge_planner* self, int32_t vehicle_id)
@@ -302,11 +368,12 @@ static const verge_vehicle_plan* plan_before(const verge_planner* self, int32_t 
 
 // A vehicle that passes a conflict area after another one plans behind whatever that one does, as
 // one that follows it in its lane.
-static void let_first_plan_first(verge_planner* self, uint32_t count)
+static void let_first_plan_first(verge_planner* self, const verge_decision* decision,
+                                 uint32_t count)
 {
     for (uint32_t j = 0; j < count; ++j) {
         const verge_vehicle_decision* own =
-            verge_decision_of(&self->decision, self->jobs[j].vehicle->id);
+            verge_decision_of(decision, self->jobs[j].vehicle->id);
         for (uint32_t m = 0; own != NULL && m < own->pass_count; ++m) {
             for (uint32_t i = 0; i < count; ++i) {
                 if (self->jobs[i].vehicle->id == own->passes[m].after_id) {
@@ -318,23 +385,26 @@ static void let_first_plan_first(verge_planner* self, uint32_t count)
     }
 }
 
-static void plan_all(verge_planner* self, verge_plan* plan)
+// False: the decision of a vehicle cannot be used; the plan has no vehicles.
+static bool plan_all(verge_planner* self, const verge_decision* decision, verge_plan* plan)
 {
     const verge_scene* scene = &self->scenes[0];
     uint32_t count = 0;
+    plan->vehicle_count = 0;
     for (uint32_t i = 0; i < scene->vehicle_count; ++i) {
         const int32_t id = scene->vehicles[i].id;
-        if (scene->vehicles[i].controlled) {
-            const bool usable = vg_job_begin(&self->jobs[count], &self->def, scene, i,
-                                             verge_decision_of(&self->decision, id),
-                                             plan_before(self, id), &plan->vehicles[count]);
-            VERGE_ASSERT(usable);
-            (void)usable;
-            ++count;
+        if (!scene->vehicles[i].controlled) {
+            continue;
         }
+        if (!vg_job_begin(&self->jobs[count], &self->def, scene, i,
+                          verge_decision_of(decision, id), plan_before(self, id),
+                          &plan->vehicles[count])) {
+            return false;
+        }
+        ++count;
     }
     plan->vehicle_count = count;
-    let_first_plan_first(self, count);
+    let_first_plan_first(self, decision, count);
     self->counters.candidates += vg_trajectories_run(
         self->workspaces, self->jobs, count, &self->tracks, plan->vehicles, &plan->replanned_count);
     for (uint32_t i = 0; i < count; ++i) {
@@ -342,12 +412,18 @@ static void plan_all(verge_planner* self, verge_plan* plan)
         vg_job_end(&self->jobs[i], self->workspaces[i], scene, plan_before(self, of->vehicle_id),
                    of);
     }
+    return true;
 }
 
-static void remember(verge_planner* self, const verge_plan* plan)
+// As a message would hold them: a vehicle that plans from messages has the same memory.
+static void remember(verge_planner* self, const verge_vehicle_plan* plans, uint32_t count)
 {
-    self->before_count = plan->vehicle_count;
-    memcpy(self->before, plan->vehicles, plan->vehicle_count * sizeof plan->vehicles[0]);
+    VERGE_ASSERT(count <= self->def.controlled_max);
+    self->before_count = count;
+    for (uint32_t i = 0; i < count; ++i) {
+        self->before[i] = plans[i];
+        verge_vehicle_plan_round(&self->before[i]);
+    }
 }
 
 // ---------------------------------------------------------------------------- report
@@ -367,7 +443,7 @@ static void write_prediction(const verge_planner* self, const verge_track* track
     }
 }
 
-static void report(verge_planner* self, verge_plan* plan)
+static void report(verge_planner* self, const verge_decision* decision, verge_plan* plan)
 {
     const verge_scene* scene = &self->scenes[0];
     plan->utime = scene->utime;
@@ -388,7 +464,7 @@ static void report(verge_planner* self, verge_plan* plan)
     counters->steps++;
     counters->fallbacks += plan->fallback_count;
     counters->unexpanded += plan->search.unexpanded;
-    counters->reordered += self->decision.reordered;
-    counters->unstuck += self->decision.unstuck;
+    counters->reordered += decision->reordered;
+    counters->unstuck += decision->unstuck;
     verge_decider_nodes(self->decider, &counters->nodes_peak, &counters->bytes_per_node);
 }

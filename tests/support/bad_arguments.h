@@ -48,6 +48,10 @@ static verge_human_rules human_rules;
 static verge_memory_term terms[VERGE_MEMORY_TERMS];
 static const char* words;
 static char text[80];
+static verge_vehicle_plan last_plans[2];
+static verge_scene scene_of_planner;
+static verge_vehicle placed_of_planner[4];
+static verge_lane_position positions_of_planner[4];
 static uint32_t count32;
 static size_t a_size;
 static double out_x, out_y, out_heading;
@@ -120,6 +124,10 @@ static void fresh(void)
     assert_int_equal(verge_predict(predictor, &scene, &decision, &tracks), VERGE_OK);
     assert_int_equal(verge_plan_vehicle(sampler, &scene, decided, &tracks, NULL, &vehicle_plan_before),
                      VERGE_OK);
+    last_plans[0] = last_plans[1] = vehicle_plan_before;
+    scene_of_planner = verge_scene_make(verge_planner_road(planner), placed_of_planner,
+                                        positions_of_planner, 4);
+    assert_int_equal(verge_scene_place(&scene_of_planner, 100000, vehicles, 2, NULL), VERGE_OK);
     body = verge_body_of(VERGE_BODY_CAR);
     action_step = decided[0].steps[0];
     traffic_signals[0] = (verge_signal){ 1, VERGE_SIGNAL_RED, 3.0 };

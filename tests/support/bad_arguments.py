@@ -46,6 +46,7 @@ VALID = {
     "verge_vehicle_fault*": "&vehicle_fault",
     "verge_scene*": "&scene", "const verge_scene*": "&scene", "const verge_scene* before": "&scene_before",
     "verge_track*": "&track", "verge_tracks*": "&tracks", "const verge_tracks*": "&tracks",
+    "const verge_vehicle_plan* last": "last_plans",
     "const verge_vehicle_plan*": "&vehicle_plan_before", "verge_vehicle_plan*": "&vehicle_plan",
 }
 BAD = {
@@ -92,6 +93,8 @@ def valid(function, kind, name, names):
         return VALID["size_t text"]
     if kind == "verge_vehicle*" and function == "verge_scene_make":
         return VALID["verge_vehicle* room"]
+    if kind == "const verge_scene*" and function.startswith("verge_planner_repeat"):
+        return "&scene_of_planner"
     value = VALID.get(f"{kind} {name}", VALID.get(kind))
     if value is None:
         sys.exit(f"bad_arguments.py: no valid {kind} for {name} of {function}(), add one to VALID")

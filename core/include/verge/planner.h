@@ -65,6 +65,36 @@ verge_status verge_planner_step_for(uint64_t config, verge_planner* planner, int
                                     const verge_vehicle* vehicles, uint32_t vehicle_count,
                                     verge_plan* plan);
 
+/// Plans again what another planner has planned, from its decision: verge_planner_step() without
+/// the search. A vehicle does so with the decision that a roadside unit has sent to it and to its
+/// neighbours. Every trajectory is the one of that planner, to the last bit, if these are the same:
+///
+///   - the version, the road, and the def but for seed, search budget, threads and executor;
+///   - the scene: vehicles, the lane of each, signals (verge_planner_scene() of that planner);
+///   - the decision, as rounded by verge_decision_round();
+///   - the plans of that planner's last step, as rounded by verge_vehicle_plan_round(). Only those
+///     of vehicles that are controlled again are used.
+///
+/// scene: on the road of this planner, placed by verge_scene_place(). decision: of every controlled
+/// vehicle on the road. last: may be null if last_count is 0; the planner's own last plan is not
+/// used. The planner remembers scene and plan as after a step, and a later verge_planner_step()
+/// goes on from them.
+/// @retval VERGE_ERR_DEF       the decision is one that verge_predict() or verge_plan_vehicle()
+///                             rejects, or lacks a vehicle; the vehicles of the plan are not valid
+/// @retval VERGE_ERR_CAPACITY  more vehicles, controlled vehicles or last plans than the def holds;
+///                             the plan is unchanged
+/// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; the plan is unchanged
+/// @retval VERGE_ERR_ARGUMENT  a null pointer, or the scene is not as scene.h says, or has another
+///                             road; the plan is unchanged
+static inline verge_status verge_planner_repeat(verge_planner* planner, const verge_scene* scene,
+                                                const verge_decision* decision,
+                                                const verge_vehicle_plan* last,
+                                                uint32_t last_count, verge_plan* plan);
+verge_status verge_planner_repeat_for(uint64_t config, verge_planner* planner,
+                                      const verge_scene* scene, const verge_decision* decision,
+                                      const verge_vehicle_plan* last, uint32_t last_count,
+                                      verge_plan* plan);
+
 /// Sets the traffic signals as they are at utime, for the steps that follow, until they are set
 /// again. A later step counts the time to the next change from its own utime. A signal whose change
 /// has passed, with no newer state, counts as red. Within a plan, red is expected to change to
@@ -110,6 +140,14 @@ static inline verge_status verge_planner_step(verge_planner* planner, int64_t ut
                                               verge_plan* plan)
 {
     return verge_planner_step_for(VERGE_CONFIG, planner, utime, vehicles, vehicle_count, plan);
+}
+
+static inline verge_status verge_planner_repeat(verge_planner* planner, const verge_scene* scene,
+                                                const verge_decision* decision,
+                                                const verge_vehicle_plan* last,
+                                                uint32_t last_count, verge_plan* plan)
+{
+    return verge_planner_repeat_for(VERGE_CONFIG, planner, scene, decision, last, last_count, plan);
 }
 
 #ifdef __cplusplus

@@ -156,6 +156,12 @@ typedef struct verge_vehicle_plan {
     double            change_end;     ///< [s] end of that lane change, from utime
 } verge_vehicle_plan;
 
+/// Rounds what the next plan of the vehicle makes use of to the numbers that a plan message can
+/// hold: x and y stay; heading, speed, acceleration and curvature of the points go to single
+/// precision, change_end to whole milliseconds, upwards, and to 0 where the change is over.
+/// verge_planner_step() remembers its plans so; the plan that it returns is not rounded.
+void verge_vehicle_plan_round(verge_vehicle_plan* plan);
+
 /// Writes what the vehicle does now and what it waits for ("keeping speed behind vehicle 4; left
 /// lane: no room behind vehicle 7"): at most size bytes, always null-terminated. Returns the length
 /// without the terminator.

@@ -235,17 +235,33 @@ static void make_cancellations(cycle* self)
     self->valid_count = kept;
 }
 
+/// Tells the receivers of the plans what they were made from.
+static uint32_t scene_sum(const cycle* self)
+{
+    const verge_scene* scene = verge_planner_scene(self->def.planner);
+    uint32_t sum = 0;
+    for (uint32_t i = 0; i < self->view.count && i < scene->vehicle_count; i++) {
+        const int32_t id = self->view.vehicles[i].id;
+        assert(id == scene->vehicles[i].id); // both in the order of ids
+        sum += wire_scene_hash(id, self->view.state_utime[i])
+               + wire_scene_hash(id, scene->positions[i].lane_id);
+    }
+    return sum;
+}
+
 static void make_plans(cycle* self)
 {
     if (self->status != VERGE_OK) {
         return;
     }
+    const uint32_t sum = self->plan.vehicle_count > 0 ? scene_sum(self) : 0;
     for (uint32_t i = 0; i < self->plan.vehicle_count; i++) {
         const verge_vehicle_plan* plan = &self->plan.vehicles[i];
         const uint32_t index = index_of(self, plan->vehicle_id);
         assert(index < self->view.count && self->message_count < CYCLE_MESSAGES_MAX);
         wire_plan_header header = header_of(self, self->utime, self->view.state_utime[index]);
         header.digest = self->plan.digest;
+        header.scene_sum = sum;
         verge_vehicle_plan_t* message = &self->messages[self->message_count++];
         *message = wire_plan_from_vehicle_plan(&header, plan);
         // A plan is valid until its last point. A vehicle without a newer plan then decides for

@@ -64,6 +64,7 @@ static verge_vehicle_plan_t good_plan(void)
         .utime = 1700000000500000, .valid_until_utime = 1700000001500000, .rsu_id = 3,
         .cycle = 17, .plans_in_cycle = 2, .vehicle_id = 7, .state_utime = 1700000000400000,
         .status = 1, .reason = 2, .protocol_version = 1, .why = 2, .map_crc32 = 0x1234567,
+        .scene_sum = 0x7654321, .change_lane = 5, .change_end_ms = 2400,
         .why_vehicle = 8, .why_lane = 4, .action_count = 7, .pass_count = 4, .stop_count = 3,
         .point_count = 31, .dt_ms = 100, .decided = 2,
         .digest = 0x0123456789abcdef,
@@ -71,7 +72,7 @@ static verge_vehicle_plan_t good_plan(void)
     for (int i = 0; i < 7; ++i) {
         plan.actions[i] = (verge_plan_action_t){
             .action = (int16_t)(i % 5), .lane = i, .brake_light = (int16_t)(i % 2),
-            .turn_signal = (int16_t)(i % 3 - 1), .t0_ms = 500 * i, .t1_ms = 500 * (i + 1),
+            .turn_signal = (int16_t)(i % 3 - 1), .t1_ms = 500 * (i + 1),
             .speed = 10.0f + (float)i, .s = 0.25f * (float)i, .d_mm = (int16_t)(100 * i - 300),
             .distance = 0.5f * (float)i,
         };
@@ -169,6 +170,9 @@ static void test_a_plan_message_has_its_documented_fields_in_order(void** state)
     WRITE(&w, int16_t, m.protocol_version);
     WRITE(&w, int16_t, m.why);
     WRITE(&w, int32_t, m.map_crc32);
+    WRITE(&w, int32_t, m.scene_sum);
+    WRITE(&w, int32_t, m.change_lane);
+    WRITE(&w, int32_t, m.change_end_ms);
     WRITE(&w, int32_t, m.why_vehicle);
     WRITE(&w, int32_t, m.why_lane);
     WRITE(&w, int32_t, m.action_count);
@@ -178,7 +182,6 @@ static void test_a_plan_message_has_its_documented_fields_in_order(void** state)
         WRITE(&w, int16_t, m.actions[i].turn_signal);
         WRITE(&w, int16_t, m.actions[i].d_mm);
         WRITE(&w, int32_t, m.actions[i].lane);
-        WRITE(&w, int32_t, m.actions[i].t0_ms);
         WRITE(&w, int32_t, m.actions[i].t1_ms);
         WRITE(&w, float, m.actions[i].s);
         WRITE(&w, float, m.actions[i].speed);
@@ -550,14 +553,15 @@ static void test_every_field_of_a_plan_is_held_to_its_range(void** state)
     CHECK_PLAN_FAULT(actions[6].lane = -2, "actions.lane");
     CHECK_PLAN_FAULT(actions[6].brake_light = 2, "actions.brake_light");
     CHECK_PLAN_FAULT(actions[6].turn_signal = -2, "actions.turn_signal");
-    CHECK_PLAN_FAULT(actions[6].t0_ms = -1, "actions.t0_ms");
-    CHECK_PLAN_FAULT(actions[6].t1_ms = plan.actions[6].t0_ms - 1, "actions.t1_ms");
+    CHECK_PLAN_FAULT(actions[6].t1_ms = plan.actions[5].t1_ms - 1, "actions.t1_ms");
     CHECK_PLAN_FAULT(actions[6].speed = NAN, "actions.speed");
     CHECK_PLAN_FAULT(actions[6].s = NAN, "actions.s");
     CHECK_PLAN_FAULT(actions[6].distance = -1.0f, "actions.distance");
     CHECK_PLAN_FAULT(protocol_version = 0, "protocol_version");
     CHECK_PLAN_FAULT(protocol_version = 2, "protocol_version");
     CHECK_PLAN_FAULT(why = VERGE_WHY_COUNT, "why");
+    CHECK_PLAN_FAULT(change_lane = -2, "change_lane");
+    CHECK_PLAN_FAULT(change_end_ms = -1, "change_end_ms");
     CHECK_PLAN_FAULT(pass_count = 5, "pass_count");
     CHECK_PLAN_FAULT(passes[3].after = -1, "passes.after");
     CHECK_PLAN_FAULT(stop_count = 4, "stop_count");
@@ -749,7 +753,7 @@ static void test_the_rest_of_a_plan_is_a_plan_that_ends_where_it_ended(void** st
         }
         int32_t t = 0;
         for (int32_t i = 0; i < plan.action_count; ++i) {
-            plan.actions[i] = (verge_plan_action_t){ .action = (int16_t)(i % 5), .t0_ms = t };
+            plan.actions[i] = (verge_plan_action_t){ .action = (int16_t)(i % 5) };
             t += (int32_t)(test_rng_next(&rng) % 6000);
             plan.actions[i].t1_ms = t;
         }

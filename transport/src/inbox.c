@@ -165,6 +165,24 @@ void inbox_placed(inbox* self, const int32_t* ids, uint32_t count)
     }
 }
 
+int64_t inbox_held_utime(const inbox* self, int32_t vehicle_id)
+{
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        if (self->slots[i].used && self->slots[i].state.vehicle_id == vehicle_id) {
+            return self->slots[i].state.utime;
+        }
+    }
+    return 0;
+}
+
+void inbox_forget_vehicle(inbox* self, int32_t vehicle_id)
+{
+    inbox_slot* slot = slot_of(self, vehicle_id);
+    if (slot != NULL) {
+        *slot = (inbox_slot){ .used = false };
+    }
+}
+
 void inbox_forget_senders(inbox* self)
 {
     for (uint32_t i = 0; i < self->vehicles_max; ++i) {

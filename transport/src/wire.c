@@ -10,9 +10,15 @@
 #include <string.h>
 
 static verge_plan_action_t action_from_step(const verge_action_step* step);
-static verge_action_step   step_from_action(const verge_plan_action_t* action);
+static void                steps_from_actions(const verge_vehicle_plan_t* plan,
+                                              verge_action_step* steps);
+static verge_cause         cause_of(const verge_vehicle_plan_t* plan);
+static uint32_t            read_passes(const verge_vehicle_plan_t* plan, verge_pass* passes);
+static int32_t             begin_of(const verge_vehicle_plan_t* plan, int32_t action);
 static void                write_order(verge_vehicle_plan_t* message,
                                        const verge_vehicle_plan* plan);
+static void                remove_actions(verge_vehicle_plan_t* plan, int32_t ms);
+static int32_t             change_end(const verge_vehicle_plan* plan);
 static int32_t             milliseconds(double seconds);
 
 #define LENGTH(type, array) (sizeof((type*)0)->array / sizeof((type*)0)->array[0])
@@ -44,7 +50,7 @@ const char* wire_plan_check(const verge_vehicle_plan_t* plan)
         return "dt_ms";
     }
     for (int32_t i = 0; i < plan->action_count; ++i) {
-        if (plan->actions[i].t1_ms < plan->actions[i].t0_ms) {
+        if (plan->actions[i].t1_ms < begin_of(plan, i)) {
             return "actions.t1_ms";
         }
     }
@@ -150,6 +156,8 @@ verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
     }
     message.action_count = (int32_t)actions;
     message.decided = (int16_t)plan->decided;
+    message.change_lane = plan->change_lane_id;
+    message.change_end_ms = change_end(plan);
     write_order(&message, plan);
 
     const uint32_t points = plan->point_count < WIRE_POINTS_MAX ? plan->point_count
@@ -168,6 +176,15 @@ verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
     message.point_count = (int32_t)points;
     message.dt_ms = points > 1 ? (int16_t)milliseconds(plan->points[1].t - plan->points[0].t) : 0;
     return message;
+}
+
+/// As verge_vehicle_plan_round() does. [ms]
+static int32_t change_end(const verge_vehicle_plan* plan)
+{
+    verge_vehicle_plan rounded = { .change_lane_id = plan->change_lane_id,
+                                   .change_end = plan->change_end };
+    verge_vehicle_plan_round(&rounded);
+    return milliseconds(rounded.change_end);
 }
 
 /// What the vehicle waits for, and after whom it passes.
@@ -196,19 +213,61 @@ bool wire_decision_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_dec
     *decision = (verge_vehicle_decision){
         .vehicle_id = plan->vehicle_id,
         .step_count = (uint32_t)plan->action_count,
-        .why = { (verge_why)plan->why, plan->why_vehicle, plan->why_lane, 0 },
-        .pass_count = (uint32_t)plan->pass_count,
+        .why = cause_of(plan),
     };
-    for (uint32_t i = 0; i < decision->step_count; ++i) {
-        decision->steps[i] = step_from_action(&plan->actions[i]);
-    }
+    steps_from_actions(plan, decision->steps);
     decision->steps[0].action = (verge_action)plan->decided;
-    for (uint32_t i = 0; i < decision->pass_count; ++i) {
-        decision->passes[i] = (verge_pass){ .lane_id = plan->passes[i].lane,
-                                            .other_lane_id = VERGE_NO_LANE,
-                                            .after_id = plan->passes[i].after };
-    }
+    decision->pass_count = read_passes(plan, decision->passes);
     return true;
+}
+
+bool wire_vehicle_plan_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_plan* last)
+{
+    assert(wire_plan_check(plan) == NULL);
+
+    if (plan->status == VERGE_CANCELLED || plan->action_count > VERGE_STEPS_MAX
+        || plan->point_count > VERGE_POINTS_MAX) {
+        return false;
+    }
+    memset(last, 0, sizeof *last);
+    last->vehicle_id = plan->vehicle_id;
+    last->utime = plan->utime;
+    last->status = (verge_plan_status)plan->status;
+    last->reason = (verge_reason)plan->reason;
+    last->action_count = (uint32_t)plan->action_count;
+    steps_from_actions(plan, last->actions);
+    last->decided = (verge_action)plan->decided;
+    last->why = cause_of(plan);
+    last->pass_count = read_passes(plan, last->passes);
+    last->point_count = wire_points_from_plan(plan, last->points);
+    last->change_lane_id = plan->change_lane;
+    last->change_end = (double)plan->change_end_ms / 1000.0;
+    return true;
+}
+
+static verge_cause cause_of(const verge_vehicle_plan_t* plan)
+{
+    return (verge_cause){ (verge_why)plan->why, plan->why_vehicle, plan->why_lane, 0 };
+}
+
+/// Returns their number.
+static uint32_t read_passes(const verge_vehicle_plan_t* plan, verge_pass* passes)
+{
+    for (int32_t i = 0; i < plan->pass_count; ++i) {
+        passes[i] = (verge_pass){ .lane_id = plan->passes[i].lane,
+                                  .other_lane_id = VERGE_NO_LANE,
+                                  .after_id = plan->passes[i].after };
+    }
+    return (uint32_t)plan->pass_count;
+}
+
+uint32_t wire_scene_hash(int32_t vehicle_id, int64_t value)
+{
+    // The last step of splitmix64: every bit of both numbers changes half of the bits of the hash.
+    uint64_t bits = (uint64_t)value ^ ((uint64_t)(uint32_t)vehicle_id << 32);
+    bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
+    bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
+    return (uint32_t)(bits ^ (bits >> 31));
 }
 
 verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t vehicle_id,
@@ -226,6 +285,8 @@ verge_vehicle_plan_t wire_plan_cancelled(const wire_plan_header* header, int32_t
         .reason = (int16_t)reason,
         .protocol_version = WIRE_PROTOCOL_VERSION,
         .map_crc32 = (int32_t)header->map_crc32,
+        .scene_sum = (int32_t)header->scene_sum,
+        .change_lane = VERGE_NO_LANE,
         .why_vehicle = -1,
         .why_lane = VERGE_NO_LANE,
         .digest = (int64_t)header->digest,
@@ -251,23 +312,37 @@ bool wire_plan_rest(const verge_vehicle_plan_t* plan, int64_t utime, verge_vehic
             (size_t)rest->point_count * sizeof rest->points[0]);
     memset(rest->points + rest->point_count, 0, (size_t)points * sizeof rest->points[0]);
 
+    rest->change_end_ms = rest->change_end_ms > ms ? rest->change_end_ms - ms : 0;
+    remove_actions(rest, ms);
+    return true;
+}
+
+/// Removes the actions that are over after ms [ms], and shortens the one that is not.
+static void remove_actions(verge_vehicle_plan_t* plan, int32_t ms)
+{
     int32_t done = 0; // the last action is kept to the end, also after its time is over
-    while (done + 1 < rest->action_count && rest->actions[done].t1_ms <= ms) {
+    while (done + 1 < plan->action_count && plan->actions[done].t1_ms <= ms) {
         ++done;
     }
-    rest->action_count -= done;
-    memmove(rest->actions, rest->actions + done,
-            (size_t)rest->action_count * sizeof rest->actions[0]);
-    memset(rest->actions + rest->action_count, 0, (size_t)done * sizeof rest->actions[0]);
-    for (int32_t i = 0; i < rest->action_count; ++i) {
-        verge_plan_action_t* action = &rest->actions[i];
-        if (action->t0_ms < ms && action->t1_ms > ms) { // a part of the step is driven
-            action->distance *= (float)(action->t1_ms - ms) / (float)(action->t1_ms - action->t0_ms);
-        }
-        action->t0_ms = action->t0_ms > ms ? action->t0_ms - ms : 0;
-        action->t1_ms = action->t1_ms > ms ? action->t1_ms - ms : 0;
+    const int32_t begin = begin_of(plan, done);
+    plan->action_count -= done;
+    memmove(plan->actions, plan->actions + done,
+            (size_t)plan->action_count * sizeof plan->actions[0]);
+    memset(plan->actions + plan->action_count, 0, (size_t)done * sizeof plan->actions[0]);
+    verge_plan_action_t* first = &plan->actions[0];
+    if (plan->action_count > 0 && begin < ms && first->t1_ms > ms) { // a part of it is driven
+        first->distance *= (float)(first->t1_ms - ms) / (float)(first->t1_ms - begin);
     }
-    return true;
+    for (int32_t i = 0; i < plan->action_count; ++i) {
+        const int32_t end = plan->actions[i].t1_ms;
+        plan->actions[i].t1_ms = end > ms ? end - ms : 0;
+    }
+}
+
+/// When an action begins, from the plan's utime. [ms]
+static int32_t begin_of(const verge_vehicle_plan_t* plan, int32_t action)
+{
+    return action == 0 ? 0 : plan->actions[action - 1].t1_ms;
 }
 
 uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,
@@ -301,7 +376,7 @@ const verge_plan_action_t* wire_action_at(const verge_vehicle_plan_t* plan, int6
 {
     const verge_plan_action_t* found = NULL;
     for (int32_t i = 0; i < plan->action_count && i < WIRE_ACTIONS_MAX; ++i) {
-        if (plan->utime + (int64_t)plan->actions[i].t0_ms * 1000 <= utime) {
+        if (plan->utime + (int64_t)begin_of(plan, i) * 1000 <= utime) {
             found = &plan->actions[i];
         }
     }
@@ -316,7 +391,6 @@ static verge_plan_action_t action_from_step(const verge_action_step* step)
         .turn_signal = (int16_t)step->turn_signal,
         .d_mm = (int16_t)(step->d < 0.0 ? step->d * 1000.0 - 0.5 : step->d * 1000.0 + 0.5),
         .lane = step->lane_id,
-        .t0_ms = milliseconds(step->t0),
         .t1_ms = milliseconds(step->t1),
         .s = (float)step->s,
         .speed = (float)step->v,
@@ -325,22 +399,25 @@ static verge_plan_action_t action_from_step(const verge_action_step* step)
 }
 
 /// The numbers that verge_decision_round() had rounded.
-static verge_action_step step_from_action(const verge_plan_action_t* action)
+static void steps_from_actions(const verge_vehicle_plan_t* plan, verge_action_step* steps)
 {
-    return (verge_action_step){
-        .action = (verge_action)action->action,
-        .lane_id = action->lane,
-        .t0 = (double)action->t0_ms / 1000.0,
-        .t1 = (double)action->t1_ms / 1000.0,
-        .s = (double)action->s,
-        .d = (double)action->d_mm / 1000.0,
-        .v = (double)action->speed,
-        .distance = (double)action->distance,
-        .brake_light = action->brake_light != 0,
-        .turn_signal = action->turn_signal,
-        .ahead_id = -1,
-        .behind_id = -1,
-    };
+    for (int32_t i = 0; i < plan->action_count; ++i) {
+        const verge_plan_action_t* action = &plan->actions[i];
+        steps[i] = (verge_action_step){
+            .action = (verge_action)action->action,
+            .lane_id = action->lane,
+            .t0 = (double)begin_of(plan, i) / 1000.0,
+            .t1 = (double)action->t1_ms / 1000.0,
+            .s = (double)action->s,
+            .d = (double)action->d_mm / 1000.0,
+            .v = (double)action->speed,
+            .distance = (double)action->distance,
+            .brake_light = action->brake_light != 0,
+            .turn_signal = action->turn_signal,
+            .ahead_id = -1,
+            .behind_id = -1,
+        };
+    }
 }
 
 /// Rounded to the nearest; 0 .. an hour, so that the conversion is always defined.

@@ -163,6 +163,12 @@ void inbox_forget(inbox* self, uint32_t vehicles_max, uint32_t controlled_max);
 /// off the road; its next states are refused.
 void inbox_placed(inbox* self, const int32_t* ids, uint32_t count);
 
+/// The utime of the stored state of a vehicle; 0: there is none.
+int64_t inbox_held_utime(const inbox* self, int32_t vehicle_id);
+
+/// Forgets a vehicle, without a cancellation.
+void inbox_forget_vehicle(inbox* self, int32_t vehicle_id);
+
 /// Releases the ownership of all ids. For a change of the buses.
 void inbox_forget_senders(inbox* self);
 

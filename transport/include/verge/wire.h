@@ -23,8 +23,8 @@ enum { WIRE_PROTOCOL_VERSION = 1 };
 /// that is not (static lifetime). Infinite values are always refused.
 const char* wire_state_check(const verge_vehicle_state_t* state);
 
-/// The same for a plan and its relations: valid_until_utime >= utime, t1_ms >= t0_ms; a plan that
-/// is not cancelled has at least two points, one with points has a dt_ms of at least 1. Elements
+/// The same for a plan and its relations: valid_until_utime >= utime; no action ends before the one
+/// before it; a plan that is not cancelled has at least two points, one with points has a dt_ms of at least 1. Elements
 /// beyond the counts are ignored.
 const char* wire_plan_check(const verge_vehicle_plan_t* plan);
 
@@ -91,6 +91,7 @@ typedef struct wire_plan_header {
     int32_t  plans_in_cycle;
     uint64_t digest;            ///< verge_plan.digest
     uint32_t map_crc32;         ///< wire_map_crc32() of the road
+    uint32_t scene_sum;         ///< of the cycle, see wire_scene_hash()
 } wire_plan_header;
 
 /// The message for one vehicle: the first seven actions, the first 31 points. Its numbers are
@@ -99,10 +100,24 @@ verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
                                                  const verge_vehicle_plan* plan);
 
 /// The decision in a checked plan message, without what vehicles are ahead and behind, and without
-/// the other lanes of its passes. verge_plan_vehicle() makes of it the trajectory that the roadside
-/// unit made, to the last bit, if scene, tracks and last plan are the same. False: the message has
-/// no actions.
+/// the other lanes of its passes. False: the message has no actions. A message holds the decision
+/// as far as a trajectory depends on it, if seven steps are at least as long as a trajectory.
 bool wire_decision_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_decision* decision);
+
+/// The plan in a checked message, as the last plan of the next cycle: all that is used of it is
+/// there, with the bits that the roadside unit remembers (verge_vehicle_plan_round()). cost, changed
+/// and what wire_decision_from_plan() leaves out are empty. False: the plan is cancelled.
+///
+/// With the decisions of all messages of a cycle, the last plans of all messages of the cycle
+/// before, and the vehicles, verge_planner_repeat() makes every trajectory of the cycle, bit for
+/// bit. repeat.h does all this.
+bool wire_vehicle_plan_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_plan* last);
+
+/// A term of scene_sum. value: the utime of the vehicle's state, or the id of the lane on which it
+/// was planned or predicted (verge_scene.positions, VERGE_NO_LANE included). scene_sum is the sum of
+/// both terms over all vehicles of a cycle, modulo 2^32. A receiver that has heard another state of
+/// one vehicle finds from the difference of two sums which one.
+uint32_t wire_scene_hash(int32_t vehicle_id, int64_t value);
 
 /// The checksum of a road: zlib's CRC-32 over all that its definition states, lane by lane in the
 /// order of their ids, whatever file it was read from. Never 0.

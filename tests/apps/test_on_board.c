@@ -531,6 +531,18 @@ static void what_is_sent_while_a_plan_is_late_is_no_cycle(void** state)
     close_episode(self);
 }
 
+static void a_cycle_that_is_heard_twice_is_one_cycle(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("twice");
+    const losses none = { .rsu_id = -1, .unit_id = -1 };
+    episode* self = open_freeway(&rng);
+    assert_false(hear_plans(self, -1)); // as on a second bus
+    run_cycle(self, &none, &rng);
+    assert_true(self->result.same && all_same(self) && self->result.difference_count == 0);
+    close_episode(self);
+}
+
 static void a_plan_for_another_road_is_not_repeated(void** state)
 {
     (void)state;
@@ -566,6 +578,53 @@ static void other_parameters_give_another_result_without_a_cause(void** state)
     close_episode(self);
 }
 
+/// One number of a message, or a few bits of it, as no roadside unit would send it.
+static void spoil(verge_vehicle_plan_t* message, test_rng* rng)
+{
+    uint8_t* bytes = (uint8_t*)message;
+    int32_t* const counts[] = { &message->action_count, &message->pass_count,
+                                &message->point_count, &message->plans_in_cycle };
+    for (uint32_t i = 0; i < 1 + test_rng_below(rng, 4); ++i) {
+        bytes[test_rng_below(rng, sizeof *message)] ^= (uint8_t)(1u << test_rng_below(rng, 8));
+    }
+    if (test_rng_unit(rng) < 0.2) {
+        *counts[test_rng_below(rng, 4)] = (int32_t)test_rng_below(rng, 8);
+    }
+}
+
+static void whatever_the_plans_hold_a_result_is_given_and_the_next_cycle_but_one_is_the_same(
+    void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("spoilt");
+    const losses none = { .rsu_id = -1, .unit_id = -1 };
+    episode* self = open_freeway(&rng);
+    uint32_t whole = 0, differ = 0, after = 0;
+    for (uint32_t round = 0; round < test_rounds(300); ++round) {
+        drive(self, &none, &rng);
+        plan(self);
+        if (self->rsu.plan.vehicle_count == 0) { // all have left
+            close_episode(self);
+            self = open_freeway(&rng);
+            after = 0;
+            continue;
+        }
+        const bool spoilt = test_rng_unit(&rng) < 0.5;
+        for (uint32_t i = 0; spoilt && i < self->rsu.message_count; ++i) {
+            spoil(&self->rsu.messages[i], &rng);
+        }
+        after = spoilt ? 0 : after + 1;
+        if (hear_plans(self, -1)) {
+            repeat_run(&self->unit, self->own_id, &self->result);
+            whole += spoilt ? 1 : 0;
+            differ += spoilt && !self->result.same ? 1 : 0;
+            assert_true(after < 2 || !self->result.planned || self->result.same);
+        }
+    }
+    assert_true((whole > 0 && differ > 0) || !test_rounds_suffice());
+    close_episode(self);
+}
+
 static void every_difference_has_words(void** state)
 {
     (void)state;
@@ -589,8 +648,11 @@ int main(void)
         cmocka_unit_test(the_cycle_after_one_that_was_not_heard_whole_says_so_if_it_differs),
         cmocka_unit_test(a_late_plan_and_the_one_after_it_are_named),
         cmocka_unit_test(what_is_sent_while_a_plan_is_late_is_no_cycle),
+        cmocka_unit_test(a_cycle_that_is_heard_twice_is_one_cycle),
         cmocka_unit_test(a_plan_for_another_road_is_not_repeated),
         cmocka_unit_test(other_parameters_give_another_result_without_a_cause),
+        cmocka_unit_test(
+            whatever_the_plans_hold_a_result_is_given_and_the_next_cycle_but_one_is_the_same),
         cmocka_unit_test(every_difference_has_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

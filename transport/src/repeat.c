@@ -1,8 +1,8 @@
 /// A cycle is repeated in the order in which the roadside unit has made it: the states it had, its
-/// vehicles with their lanes, its decision and last plans, its plan. Of a planned vehicle the message
-/// tells the state. Of the others the newest one before the instant of the plan is taken, and the
-/// lane of each follows from the one before. Where scene_sum says otherwise, the difference of the
-/// sums tells what it was (explain).
+/// vehicles with their lanes, its decision and last plans, its plan. Of a planned vehicle the
+/// message tells the state. Of the others the newest one before the instant of the plan is taken,
+/// and the lane of each follows from the one before. Where scene_sum says otherwise, the difference
+/// of the sums tells what it was (explain).
 #include "verge/repeat.h"
 
 #include "codec.h"
@@ -81,7 +81,8 @@ void repeat_signal(repeat* self, const verge_lane_signal_t* signal)
 bool repeat_plan(repeat* self, const verge_vehicle_plan_t* plan)
 {
     const bool rest = plan->reason == VERGE_REASON_OVERRUN && plan->status != VERGE_CANCELLED;
-    if (rest || wire_plan_check(plan) != NULL) {
+    const bool over = plan->cycle == self->last_cycle && plan->utime <= self->last_utime;
+    if (rest || over || wire_plan_check(plan) != NULL) {
         return false;
     }
     if (self->plan_count > 0 && self->plans[0].cycle != plan->cycle) {
@@ -487,6 +488,7 @@ static void remember(repeat* self)
 {
     self->last_late = is_late(self);
     self->last_cycle = self->plans[0].cycle;
+    self->last_utime = any_plan(self)->utime;
     self->last_count = 0;
     for (uint32_t i = 0; i < self->plan_count && self->last_count < VERGE_CONTROLLED_MAX; ++i) {
         self->last_count +=

@@ -22,10 +22,10 @@
 ///     heard these, scene_sum tells the lanes of up to two vehicles, in each cycle.
 ///   - A late plan (REPEAT_LATE) is a part of a plan: it cannot be repeated, and neither can the
 ///     cycle after it. It is driven as it was sent.
-///   - Decisions longer than seven steps: the message holds the first seven. Where these are shorter
-///     than a trajectory, no plan can be repeated.
+///   - Decisions longer than seven steps: the message holds the first seven. Where these are
+///     shorter than a trajectory, no plan can be repeated.
 ///
-/// Memory      All in the struct (about 500 KiB: keep it static) and in the planner.
+/// Memory      All in the struct (about 420 kB: keep it static) and in the planner.
 /// Threads     One at a time.
 /// Time        No clock is read: the instants are those in the messages.
 #ifndef VERGE_REPEAT_H
@@ -59,7 +59,7 @@ typedef struct repeat_def {
 typedef enum repeat_kind {
     // Found, and made up for: the plan was repeated from what the roadside unit had.
     REPEAT_UNHEARD_BY_RSU = 1, ///< vehicle: the roadside unit did not know of it
-    REPEAT_OLDER_STATE,        ///< vehicle: planned from an older state than the newest before utime
+    REPEAT_OLDER_STATE,        ///< vehicle: not planned from its newest state before utime
     REPEAT_NEWER_STATE,        ///< vehicle: planned from a state newer than utime of the plan
     REPEAT_OTHER_LANE,         ///< vehicle: taken to be on another lane, where lanes overlap
     // Found, and not made up for: the result may differ.
@@ -106,7 +106,7 @@ typedef struct repeat {
     verge_vehicle          vehicles[VERGE_VEHICLES_MAX];
     verge_lane_position    positions[VERGE_VEHICLES_MAX], before[VERGE_VEHICLES_MAX];
     uint32_t   choice_count;
-    repeat_choice choices[2 * VERGE_VEHICLES_MAX];
+    repeat_choice choices[REPEAT_PLANS_MAX + 2]; ///< planned ones, and what the sum tells
     uint32_t   state_count; ///< states heard that are not in the inbox, in this order
     verge_vehicle_state_t  states[REPEAT_STATES_MAX];
     uint32_t   signal_count;
@@ -117,6 +117,7 @@ typedef struct repeat {
     uint32_t   last_count;  ///< plans of the last cycle
     verge_vehicle_plan     last[VERGE_CONTROLLED_MAX];
     int64_t    last_cycle;  ///< its number; -1: there is none
+    int64_t    last_utime;
     bool       last_late;
     verge_plan plan;        ///< the plans of all vehicles, as repeated last
 } repeat;
@@ -130,8 +131,8 @@ void repeat_state(repeat* self, const verge_vehicle_state_t* state);
 void repeat_signal(repeat* self, const verge_lane_signal_t* signal);
 
 /// Hears a plan of the one roadside unit. True: all messages of its cycle have been heard, and
-/// repeat_run() is next. The rest of an earlier plan (VERGE_REASON_OVERRUN) and a message that
-/// wire_plan_check() refuses are ignored.
+/// repeat_run() is next. Ignored are the rest of an earlier plan (VERGE_REASON_OVERRUN), a message
+/// heard again, as on a second bus, and one that wire_plan_check() refuses.
 bool repeat_plan(repeat* self, const verge_vehicle_plan_t* plan);
 
 /// Plans the cycle again, for all its vehicles (self->plan), and compares the plan of one. Of a

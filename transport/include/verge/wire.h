@@ -24,8 +24,8 @@ enum { WIRE_PROTOCOL_VERSION = 1 };
 const char* wire_state_check(const verge_vehicle_state_t* state);
 
 /// The same for a plan and its relations: valid_until_utime >= utime; no action ends before the one
-/// before it; a plan that is not cancelled has at least two points, one with points has a dt_ms of at least 1. Elements
-/// beyond the counts are ignored.
+/// before it; a plan that is not cancelled has at least two points, one with points has a dt_ms of
+/// at least 1. Elements beyond the counts are ignored.
 const char* wire_plan_check(const verge_vehicle_plan_t* plan);
 
 /// Null: every field of a signal is in its range, and change_utime is 0 or not before utime.
@@ -105,8 +105,8 @@ verge_vehicle_plan_t wire_plan_from_vehicle_plan(const wire_plan_header* header,
 bool wire_decision_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_decision* decision);
 
 /// The plan in a checked message, as the last plan of the next cycle: all that is used of it is
-/// there, with the bits that the roadside unit remembers (verge_vehicle_plan_round()). cost, changed
-/// and what wire_decision_from_plan() leaves out are empty. False: the plan is cancelled.
+/// there, with the bits that the roadside unit remembers (verge_vehicle_plan_round()). Empty are
+/// cost, changed and what wire_decision_from_plan() leaves out. False: the plan is cancelled.
 ///
 /// With the decisions of all messages of a cycle, the last plans of all messages of the cycle
 /// before, and the vehicles, verge_planner_repeat() makes every trajectory of the cycle, bit for
@@ -114,9 +114,9 @@ bool wire_decision_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_dec
 bool wire_vehicle_plan_from_plan(const verge_vehicle_plan_t* plan, verge_vehicle_plan* last);
 
 /// A term of scene_sum. value: the utime of the vehicle's state, or the id of the lane on which it
-/// was planned or predicted (verge_scene.positions, VERGE_NO_LANE included). scene_sum is the sum of
-/// both terms over all vehicles of a cycle, modulo 2^32. A receiver that has heard another state of
-/// one vehicle finds from the difference of two sums which one.
+/// was planned or predicted (verge_scene.positions, VERGE_NO_LANE included). scene_sum is the sum
+/// of both terms over all vehicles of a cycle, modulo 2^32. A receiver that has heard another state
+/// of one vehicle finds from the difference of two sums which one.
 uint32_t wire_scene_hash(int32_t vehicle_id, int64_t value);
 
 /// The checksum of a road: zlib's CRC-32 over all that its definition states, lane by lane in the

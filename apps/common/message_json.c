@@ -39,6 +39,7 @@ const char* message_rsu_fault(int32_t fault)
 {
     static const char* const NAMES[] = {
         "none", "config", "record", "capacity", "deadline", "bus", "id_conflict", "planner",
+        "other_rsu",
     };
     return name_in(NAMES, COUNT(NAMES), fault);
 }

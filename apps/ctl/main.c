@@ -277,6 +277,25 @@ static void show_strangers(const json_at* root)
     }
 }
 
+/// Other roadside units that are heard, which a daemon of an older version does not list.
+static void show_others(const json_at* root)
+{
+    const json_at others = json_member(root, "others");
+    const cJSON*  node = NULL;
+    uint32_t      index = 0;
+    cJSON_ArrayForEach(node, others.node)
+    {
+        const json_at other = json_element(&others, node, index);
+        const bool    leads = json_bool_or(&other, "leads", false);
+        printf("%srsu_id %" PRId64 "%s", index == 0 ? "  other units      " : ", ",
+               whole(&other, "rsu_id"), leads ? " (leads)" : "");
+        index++;
+    }
+    printf("%s", index == 0                              ? ""
+                 : json_bool_or(root, "standby", false) ? "; this one stands by\n"
+                                                         : "\n");
+}
+
 static void show_status(const json_at* root)
 {
     const json_at of = json_member(root, "status");
@@ -285,6 +304,7 @@ static void show_status(const json_at* root)
            whole(&of, "rsu_id"), json_string(root, "state"));
     show_faults(root);
     printf("\n  bus              %s\n", json_string(root, "bus"));
+    show_others(root);
     printf("  up               %" PRId64 " h %02" PRId64 " min %02" PRId64 " s\n", up / 3600,
            up / 60 % 60, up % 60);
     printf("  configuration    %s, map %s\n", json_string(&of, "config_crc32"),

@@ -2,6 +2,10 @@
 
 #include "verge/wire.h"
 
+#include <string.h>
+
+static const char* const STANDBY_WORDS[] = { "never", "lower_id" }; // by config.stands_by
+
 /// A vehicle that plans from its message needs decision steps for the whole trajectory.
 static bool fits_message(const json_at* root, const verge_planner_def* def)
 {
@@ -14,19 +18,30 @@ static bool fits_message(const json_at* root, const verge_planner_def* def)
                      def->step_s, horizon);
 }
 
+static bool read_standby(config* self, const json_at* root)
+{
+    const json_at at = json_member(root, "standby");
+    const char*   word = json_string_or(root, "standby", STANDBY_WORDS[1]);
+    self->stands_by = strcmp(word, STANDBY_WORDS[1]) == 0;
+    return self->stands_by || strcmp(word, STANDBY_WORDS[0]) == 0 ||
+           json_fail(&at, "is unknown, expected %s or %s", STANDBY_WORDS[1], STANDBY_WORDS[0]);
+}
+
 static bool read_own(site* site, const json_at* root)
 {
     config* self = (config*)site;
     self->rsu_id = (int32_t)json_integer_or(root, "rsu_id", 0, INT32_MAX, 1);
-    return fits_message(root, &site->planner);
+    return fits_message(root, &site->planner) && read_standby(self, root);
 }
 
 static void print_own(const site* site, FILE* out)
 {
-    fprintf(out, ",\n  \"rsu_id\": %d", config_of(site)->rsu_id);
+    const config* self = config_of(site);
+    fprintf(out, ",\n  \"rsu_id\": %d,\n  \"standby\": \"%s\"", self->rsu_id,
+            STANDBY_WORDS[self->stands_by]);
 }
 
-static const char* const KEYS[] = { "rsu_id", NULL };
+static const char* const KEYS[] = { "rsu_id", "standby", NULL };
 
 const site_def CONFIG_DEF = {
     .size = sizeof(config),
@@ -53,6 +68,18 @@ cycle_def config_cycle_def(const config* self, const planning* built)
         .limits = self->site.freshness,
         .rsu_id = self->rsu_id,
         .map_crc32 = self->site.map_crc32,
+    };
+    return def;
+}
+
+peers_def config_peers_def(const config* self, int64_t start_utime)
+{
+    const peers_def def = {
+        .rsu_id = self->rsu_id,
+        .start_utime = start_utime,
+        .map_crc32 = self->site.map_crc32,
+        .period_us = (int64_t)self->site.cycle_ms * 1000,
+        .never = !self->stands_by,
     };
     return def;
 }

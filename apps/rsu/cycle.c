@@ -367,6 +367,20 @@ static bool overrun_message(cycle* self, int32_t vehicle_id, int64_t utime,
     return true;
 }
 
+void cycle_withhold(cycle* self, uint32_t index)
+{
+    const verge_vehicle_plan_t* message = &self->messages[index];
+    assert(index < self->message_count);
+    self->counters.withheld++;
+    if (message->status == VERGE_CANCELLED) {
+        self->counters.cancelled--;
+        return;
+    }
+    self->counters.plans--;
+    self->counters.overruns -= message->reason == VERGE_REASON_OVERRUN ? 1 : 0;
+    self->counters.fallbacks -= message->status != VERGE_PLANNED ? 1 : 0;
+}
+
 void cycle_retime(cycle* self, int64_t utime)
 {
     for (uint32_t i = 0; i < self->message_count; i++) {

@@ -37,6 +37,7 @@ typedef struct cycle_counters {
     uint64_t fallbacks; ///< of the plans, fallbacks
     uint64_t overruns;  ///< of the plans, made by cycle_overrun()
     uint64_t cancelled; ///< cancellations made
+    uint64_t withheld;  ///< messages made, but not sent; in none of the counts above
     uint64_t unusable;  ///< vehicles removed from a cycle: the planner refuses their values
     uint64_t refused;   ///< cycles the planner refused as a whole: 0 unless verge has a defect
     // As in verge_counters, but of all planners that the cycle has had.
@@ -97,6 +98,8 @@ void cycle_overrun(cycle* self, int64_t utime);
 /// After cycle_end() of a late cycle: lets its messages begin at utime instead of the cycle's
 /// instant, so that they are newer than those of cycle_overrun().
 void cycle_retime(cycle* self, int64_t utime);
+/// Message `index` is not sent, because another unit plans for its vehicle: see counters.withheld.
+void cycle_withhold(cycle* self, uint32_t index);
 /// cycle_begin(), cycle_plan() and cycle_end().
 void cycle_run(cycle* self, int64_t number, int64_t utime);
 

@@ -57,6 +57,9 @@ typedef struct live {
     notify         notify;       // the service manager
     operators      operators;
     status         status;
+    peers          peers;        // other roadside units
+    bool           standby;      // as logged
+    bool           announce;     // another unit waits for a status
     cycle          cycle;
     transport_message inbound[DRAIN_BATCH];
 } live;
@@ -113,6 +116,8 @@ static int start(live* self)
     self->status.start_utime = clock_us(CLOCK_REALTIME);
     const cycle_def def = config_cycle_def(config_of(self->now.site), &self->now.planner);
     cycle_init(&self->cycle, &def);
+    const peers_def peers = config_peers_def(config_of(self->now.site), self->status.start_utime);
+    peers_init(&self->peers, &peers);
     const site* site = self->now.site;
     timer_arm(self->cycle_fd, site->cycle_ms);
     timer_arm(self->status_fd, STATUS_PERIOD_MS);
@@ -285,6 +290,8 @@ static void on_reload_over(live* self);
 static void on_tick(live* self);
 static void on_status_due(live* self);
 static void check_record(live* self);
+static void check_peers(live* self);
+static void announce(live* self);
 
 static void loop(live* self)
 {
@@ -316,7 +323,9 @@ static void loop(live* self)
         on_bus(self);
         on_tick(self);
         on_status_due(self);
+        check_peers(self);
         monitor_update(&self->monitor, instant_now());
+        announce(self);
         // Last, because operators can wait.
         operators_serve(&self->operators, clock_us(CLOCK_MONOTONIC));
     }
@@ -342,8 +351,14 @@ static void on_status_due(live* self)
 
 static void record_message(live* self, int64_t utime, const transport_message* message);
 
+static void receive_peer(live* self, const transport_message* message);
+
 static void receive_message(live* self, const transport_message* message)
 {
+    if (message->kind == TRANSPORT_STATUS || message->kind == TRANSPORT_PLAN) {
+        receive_peer(self, message);
+        return;
+    }
     const uint64_t conflicts = self->cycle.inbox.counters.rx_id_conflict;
     const int32_t vehicle = message->as.state.vehicle_id;
     if (cycle_offer(&self->cycle, message)) {
@@ -359,6 +374,57 @@ static void receive_message(live* self, const transport_message* message)
                      self->now.site->bus[message->bus], sender);
     } else {
         log_event(LOG_DEBUG, "state_refused", "vehicle=%d", vehicle);
+    }
+}
+
+/// A message of another unit, or of this one.
+static void receive_peer(live* self, const transport_message* message)
+{
+    const peer* peer = peers_offer(&self->peers, message, clock_us(CLOCK_MONOTONIC));
+    if (peer == NULL) {
+        return;
+    }
+    const bool same_id = peer->rsu_id == self->peers.def.rsu_id;
+    char sender[64], vehicle[32] = "";
+    transport_sender_text(self->now.buses.bus[message->bus], message->sender, sender,
+                          sizeof sender);
+    if (peer->shares) {
+        snprintf(vehicle, sizeof vehicle, " vehicle=%" PRId32, peer->vehicle_id);
+    }
+    log_event(same_id || peer->shares ? LOG_WARNING : LOG_INFO, "other_rsu",
+              "rsu_id=%" PRId32 " same_id=%s leads=%s start_utime=%" PRId64 "%s bus=%s sender=%s",
+              peer->rsu_id, same_id ? "true" : "false",
+              peers_leads(&self->peers, peer) ? "true" : "false", peer->start_utime, vehicle,
+              self->now.site->bus[message->bus], sender);
+    self->announce = true;
+}
+
+/// Logs which units have become silent and whether this one stands by, and sets its fault.
+static void check_peers(live* self)
+{
+    const instant at = instant_now();
+    for (const peer* peer; (peer = peers_silent(&self->peers, at.now)) != NULL;) {
+        log_event(LOG_INFO, "other_rsu_silent", "rsu_id=%" PRId32 " start_utime=%" PRId64,
+                  peer->rsu_id, peer->start_utime);
+    }
+    const bool standby = peers_standby(&self->peers, at.now);
+    if (standby != self->standby) {
+        self->standby = standby;
+        log_event(LOG_WARNING, standby ? "stands_by" : "takes_over",
+                  "cycle=%" PRId64 " %s=%" PRId32, self->cycle.number,
+                  standby ? "leader" : "after", self->peers.leader->rsu_id);
+    }
+    if (peers_fault(&self->peers, at.now)) {
+        status_fault(&self->status, RSU_FAULT_OTHER_RSU, at.now, false);
+    }
+}
+
+/// Another unit waits for a sign of this one: its first one, or that of a cycle.
+static void announce(live* self)
+{
+    if (self->announce) {
+        self->announce = false;
+        monitor_publish(&self->monitor, instant_now());
     }
 }
 
@@ -497,6 +563,7 @@ static void on_planned(live* self)
     }
     send_messages(self);
     const int64_t now = clock_us(CLOCK_MONOTONIC);
+    self->announce = self->announce || peers_any(&self->peers, now);
     timing_add(&self->status.cycle_time, now - self->begun);
     if (self->notify.watchdog_us > 0) {
         notify_send(&self->notify, "WATCHDOG=1");
@@ -535,20 +602,32 @@ static void log_waiting(const live* self)
     }
 }
 
-/// Broadcasts the messages of the cycle and records them.
+static void send_message(live* self, uint32_t index, int64_t now)
+{
+    const verge_vehicle_plan_t* plan = &self->cycle.messages[index];
+    const bool cancels = plan->status == VERGE_CANCELLED;
+    if (!(cancels ? peers_cancels : peers_sends)(&self->peers, plan->vehicle_id, now)) {
+        cycle_withhold(&self->cycle, index);
+        return;
+    }
+    buses_publish(&self->now.buses, TRANSPORT_PLAN, plan);
+    if (cancels) {
+        log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
+                  plan->reason);
+    }
+}
+
+/// Broadcasts the messages of the cycle, unless another unit leads, and records them all.
 static void send_messages(live* self)
 {
+    const int64_t now = clock_us(CLOCK_MONOTONIC);
+    peers_begin(&self->peers, now);
     for (uint32_t i = 0; i < self->cycle.message_count; i++) {
-        const verge_vehicle_plan_t* plan = &self->cycle.messages[i];
-        buses_publish(&self->now.buses, TRANSPORT_PLAN, plan);
-        if (plan->status == VERGE_CANCELLED) {
-            log_event(LOG_INFO, "plan_cancelled", "vehicle=%d reason=%d", plan->vehicle_id,
-                      plan->reason);
-        }
+        send_message(self, i, now);
         if (self->now.record != NULL) {
             static transport_message message; // large; only the main thread is here
             message.kind = TRANSPORT_PLAN;
-            message.as.plan = *plan;
+            message.as.plan = self->cycle.messages[i];
             record_message(self, clock_us(CLOCK_REALTIME), &message);
         }
     }
@@ -565,6 +644,8 @@ static report_input view(live* self)
         .cycle = &self->cycle,
         .status = monitor_message(&self->monitor, at),
         .bus = buses_statistics(&self->now.buses),
+        .peers = &self->peers,
+        .now = at.now,
         .faults = status_faults(&self->status, at.now),
         .log_dropped = self->status.log_dropped,
         .record_dropped = self->status.record_dropped,
@@ -656,6 +737,8 @@ static void apply_next(live* self)
     }
     const cycle_def def = config_cycle_def(config_of(next->site), &next->planner);
     cycle_swap(&self->cycle, &def);
+    const peers_def peers = config_peers_def(config_of(next->site), self->status.start_utime);
+    peers_set(&self->peers, &peers);
     const bool period_changed = next->site->cycle_ms != self->now.site->cycle_ms;
     const bool buses_changed = next->buses.count > 0;
     // A recording holds one configuration, because a replay works with one.

@@ -13,7 +13,7 @@ typedef struct counter {
     uint64_t    value;
     const char* help;
 } counter;
-enum { COUNTERS = 16 };
+enum { COUNTERS = 17 };
 
 static void counters_of(const report_input* from, counter rows[COUNTERS])
 {
@@ -25,6 +25,8 @@ static void counters_of(const report_input* from, counter rows[COUNTERS])
         { "cycles_refused", made->refused, "Cycles that the planner refused: a defect of verge." },
         { "overruns", made->overruns, "Of the plans sent, those that replaced a late one." },
         { "plans_cancelled", made->cancelled, "Cancellations of plans." },
+        { "messages_withheld", made->withheld,
+          "Plans and cancellations not sent, because another unit plans." },
         { "vehicles_unusable", made->unusable,
           "Vehicles left out of a cycle, because the planner refuses their values." },
         { "reordered", made->reordered, "Circles of standing vehicles that got a new order." },
@@ -66,6 +68,23 @@ static void add_strangers_json(text* out, const transport_stats* bus)
     text_add(out, "}");
 }
 
+static void add_others_json(text* out, const report_input* from)
+{
+    const char* comma = "";
+    text_add(out, ",\"standby\":%s,\"others\":[",
+             peers_standby(from->peers, from->now) ? "true" : "false");
+    for (uint32_t i = 0; i < PEERS_MAX; i++) {
+        const peer* peer = &from->peers->peer[i];
+        if (peers_audible(peer, from->now)) {
+            text_add(out, "%s{\"rsu_id\":%" PRId32 ",\"start_utime\":%" PRId64 ",\"leads\":%s}",
+                     comma, peer->rsu_id, peer->start_utime,
+                     peers_leads(from->peers, peer) ? "true" : "false");
+            comma = ",";
+        }
+    }
+    text_add(out, "]");
+}
+
 void report_status(text* out, const report_input* from)
 {
     const verge_rsu_status_t* status = &from->status;
@@ -85,6 +104,7 @@ void report_status(text* out, const report_input* from)
     text_add_string(out, buses);
     text_add(out, ",\"cycle_ms\":%u,\"log_dropped\":%" PRIu64 ",\"record_dropped\":%" PRIu64,
              from->config->site.cycle_ms, from->log_dropped, from->record_dropped);
+    add_others_json(out, from);
     add_counters(out, from);
     add_strangers_json(out, &from->bus);
     text_add(out, ",\"status\":");
@@ -255,6 +275,8 @@ void report_metrics(text* out, const report_input* from)
     single(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge(7).",
            status->fault);
     add_faults(out, from->faults);
+    single(out, "verge_standby", "gauge", "1: no plan is sent, because another unit leads.",
+           peers_standby(from->peers, from->now) ? 1 : 0);
     single(out, "verge_cycles_total", "counter", "Planning cycles begun.",
            (int64_t)from->cycle->number + 1);
     single(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",

@@ -8,6 +8,7 @@
 
 #include "config.h"
 #include "cycle.h"
+#include "peers.h"
 #include "status.h"
 
 #include "common/text.h"
@@ -21,15 +22,18 @@ typedef struct report_input {
     const cycle*       cycle;
     verge_rsu_status_t status;         ///< the message of this moment
     transport_stats    bus;            ///< of all buses
+    const peers*       peers;
+    int64_t            now;            ///< [us] for peers, see peers.h
     uint32_t           faults;         ///< all active ones, bits 1 << rsu_fault
     uint64_t           log_dropped;    ///< lines
     uint64_t           record_dropped; ///< events
 } report_input;
 
 /// {"version":…, "state":…, "fault":…, "faults":[…], "bus":…, "cycle_ms":…, "log_dropped":…,
-/// "record_dropped":…, "counters":{…}, "strangers":{…}, "status":{the message}}. The faults are
-/// ordered, the worst first. "counters": what the message has no field for; NAME is the metric
-/// verge_NAME_total. "strangers": messages refused because of their sender, by reason.
+/// "record_dropped":…, "standby":…, "others":[…], "counters":{…}, "strangers":{…},
+/// "status":{the message}}. The faults are ordered, the worst first. "others": the other units that
+/// are heard, {"rsu_id":…, "start_utime":…, "leads":…}. "counters": what the message has no field
+/// for; NAME is the metric verge_NAME_total. "strangers": messages refused because of their sender, by reason.
 void report_status(text* out, const report_input* from);
 /// {"utime":…, "vehicles":[…]}: the vehicles of the last cycle, at its instant.
 void report_vehicles(text* out, const cycle* cycle);

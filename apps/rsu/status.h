@@ -26,8 +26,9 @@ typedef enum rsu_fault {
     RSU_FAULT_BUS = 5,       ///< sending or receiving failed
     RSU_FAULT_ID_CONFLICT = 6, ///< two senders used one vehicle id; the second one was refused
     RSU_FAULT_PLANNER = 7,   ///< the planner refused a cycle, which is a defect of verge
+    RSU_FAULT_OTHER_RSU = 8, ///< another unit has this rsu_id, or plans the same vehicles
 } rsu_fault;
-enum { RSU_FAULT_COUNT = 8 };
+enum { RSU_FAULT_COUNT = 9 };
 
 enum { RSU_FAULTS_SIZE = 128 }; ///< [B] the names of all faults
 

@@ -78,8 +78,8 @@ def shared_library(rig, name):
 class Daemon:
     """A running verge-rsu that has said READY."""
 
-    def __init__(self, rig, config, *options, env=None, stdin=None, **popen):
-        self.path = rig.folder / "rsu.log"
+    def __init__(self, rig, config, *options, env=None, stdin=None, log="rsu.log", **popen):
+        self.path = rig.folder / log
         self.log = open(self.path, "w+b")
         self.process = subprocess.Popen(
             [str(rig.bin / "verge-rsu"), "--config", str(config), *map(str, options)],

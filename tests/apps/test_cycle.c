@@ -407,6 +407,32 @@ static void test_stopping_cancels_every_plan_in_force_and_no_other(void** state)
     unit_end(self);
 }
 
+static void test_a_message_that_is_not_sent_is_counted_as_withheld_only(void** state)
+{
+    (void)state;
+    unit* self = unit_start();
+    for (int32_t id = 0; id < 3; ++id) {
+        hear(self, id, 0.0, true);
+    }
+    run_at(self, 0.1);
+    const cycle_counters made = self->cycle.counters;
+    assert_int_equal(made.plans, 3);
+    cycle_withhold(&self->cycle, 1);
+    assert_int_equal(self->cycle.counters.plans, 2);
+    assert_int_equal(self->cycle.counters.withheld, 1);
+    assert_int_equal(self->cycle.valid_count, 3); // it plans on from all of them
+    cycle_overrun(&self->cycle, instant(0.3));
+    cycle_withhold(&self->cycle, 2);
+    assert_int_equal(self->cycle.counters.overruns, 2);
+    assert_int_equal(self->cycle.counters.plans, 4);
+    assert_int_equal(self->cycle.counters.fallbacks, made.fallbacks);
+    cycle_cancel_all(&self->cycle, 1, instant(0.4));
+    cycle_withhold(&self->cycle, 0);
+    assert_int_equal(self->cycle.counters.cancelled, 2);
+    assert_int_equal(self->cycle.counters.withheld, 3);
+    unit_end(self);
+}
+
 // ---- capacity -------------------------------------------------------------------------------
 
 static void test_planned_vehicles_stay_planned_when_there_are_too_many(void** state)
@@ -957,6 +983,7 @@ int main(void)
         cmocka_unit_test(test_a_plan_lives_up_to_the_freshness_limit_and_not_beyond),
         cmocka_unit_test(test_a_vehicle_that_is_no_longer_controlled_is_cancelled),
         cmocka_unit_test(test_stopping_cancels_every_plan_in_force_and_no_other),
+        cmocka_unit_test(test_a_message_that_is_not_sent_is_counted_as_withheld_only),
         cmocka_unit_test(test_planned_vehicles_stay_planned_when_there_are_too_many),
         cmocka_unit_test(test_bad_messages_change_no_plan),
         cmocka_unit_test(test_a_vehicle_that_leaves_the_map_is_used_once_more_and_strangers_never),

@@ -1,15 +1,15 @@
 /// Goal: every active fault is listed, the worst first, in the status message, in the metrics and
 /// in the text. A fault ends when its time is over, a lasting one when it is cleared. Every counter
 /// without a field in the status message is in the answers for operators.
-/// Method: all 128 sets of faults; the test supplies the time.
+/// Method: all 256 sets of faults; the test supplies the time.
 #include "check.h"
 
-#include "daemon/operators.h"
 #include "rsu/report.h"
 #include "rsu/status.h"
 
 #include "common/json.h"
 #include "common/message_json.h"
+#include "daemon/operators.h"
 
 #include <stdio.h>
 
@@ -55,11 +55,12 @@ static void test_programs_get_the_same_list(void** state)
     (void)state;
     static config config = { .site = { .cycle_ms = 500 } };
     static cycle  cycle;
+    static peers  peers;
     static char   bytes[REPORT_SIZE];
     for (unsigned set = 0; set < SETS; ++set) {
         const status self = with_faults(set, 0);
-        report_input from = { .config = &config, .cycle = &cycle, .log_dropped = 7,
-                              .record_dropped = 8, .faults = status_faults(&self, 1) };
+        report_input from = { .config = &config, .cycle = &cycle, .peers = &peers,
+                              .log_dropped = 7, .record_dropped = 8, .faults = status_faults(&self, 1) };
         from.status = status_message(&self, &config, &cycle, &from.bus, 1, 1);
         text out = text_in(bytes, sizeof bytes);
         report_status(&out, &from);
@@ -99,13 +100,15 @@ static void test_counters_without_a_field_in_the_message_are_in_the_answers(void
     (void)state;
     static config config = { .site = { .cycle_ms = 500 } };
     static cycle  cycle;
+    static peers  peers;
     static char   bytes[REPORT_SIZE];
-    report_input from = { .config = &config, .cycle = &cycle };
+    report_input from = { .config = &config, .cycle = &cycle, .peers = &peers };
     const struct { const char* name; uint64_t* value; } counters[] = {
         { "cycles_planned", &cycle.counters.planned },
         { "cycles_refused", &cycle.counters.refused },
         { "overruns", &cycle.counters.overruns },
         { "plans_cancelled", &cycle.counters.cancelled },
+        { "messages_withheld", &cycle.counters.withheld },
         { "vehicles_unusable", &cycle.counters.unusable },
         { "reordered", &cycle.counters.reordered },
         { "unstuck", &cycle.counters.unstuck },
@@ -152,6 +155,34 @@ static void test_counters_without_a_field_in_the_message_are_in_the_answers(void
     }
 }
 
+static void test_operators_see_other_units_and_whether_this_one_stands_by(void** state)
+{
+    (void)state;
+    static config config = { .site = { .cycle_ms = 500 }, .rsu_id = 4 };
+    static cycle  cycle;
+    static peers  peers;
+    static char   bytes[REPORT_SIZE];
+    const peers_def def = { .rsu_id = 4, .start_utime = 90, .period_us = 500000 };
+    peers_init(&peers, &def);
+    static transport_message message = { .kind = TRANSPORT_STATUS };
+    const verge_rsu_status_t others[] = { { .rsu_id = 4, .start_utime = 80, .utime = 1000 },
+                                          { .rsu_id = 6, .start_utime = 70, .utime = 1000 } };
+    for (int i = 0; i < 2; ++i) {
+        message.as.status = others[i];
+        assert_non_null(peers_offer(&peers, &message, 1000));
+    }
+    peers_begin(&peers, 1000);
+    const report_input from = { .config = &config, .cycle = &cycle, .peers = &peers, .now = 1000 };
+    text out = text_in(bytes, sizeof bytes);
+    report_status(&out, &from);
+    assert_non_null(strstr(bytes, "\"standby\":true,\"others\":["
+                                  "{\"rsu_id\":4,\"start_utime\":80,\"leads\":true},"
+                                  "{\"rsu_id\":6,\"start_utime\":70,\"leads\":false}],"));
+    out = text_in(bytes, OPERATORS_PAGE_SIZE);
+    report_metrics(&out, &from);
+    assert_non_null(strstr(bytes, "\nverge_standby 1\n"));
+}
+
 static void test_a_fault_ends_with_its_time_and_a_lasting_one_when_cleared(void** state)
 {
     (void)state;
@@ -188,6 +219,7 @@ int main(void)
         cmocka_unit_test(test_every_active_fault_is_listed_the_worst_first),
         cmocka_unit_test(test_programs_get_the_same_list),
         cmocka_unit_test(test_counters_without_a_field_in_the_message_are_in_the_answers),
+        cmocka_unit_test(test_operators_see_other_units_and_whether_this_one_stands_by),
         cmocka_unit_test(test_a_fault_ends_with_its_time_and_a_lasting_one_when_cleared),
         cmocka_unit_test(test_stopping_goes_before_faults),
     };

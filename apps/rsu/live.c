@@ -58,7 +58,7 @@ typedef struct live {
     operators      operators;
     status         status;
     peers          peers;        // other roadside units
-    bool           standby;      // as logged
+    int32_t        leader_id;    // for which it stands by, as logged; -1: none
     bool           announce;     // another unit waits for a status
     cycle          cycle;
     transport_message inbound[DRAIN_BATCH];
@@ -118,6 +118,7 @@ static int start(live* self)
     cycle_init(&self->cycle, &def);
     const peers_def peers = config_peers_def(config_of(self->now.site), self->status.start_utime);
     peers_init(&self->peers, &peers);
+    self->leader_id = -1;
     const site* site = self->now.site;
     timer_arm(self->cycle_fd, site->cycle_ms);
     timer_arm(self->status_fd, STATUS_PERIOD_MS);
@@ -407,12 +408,14 @@ static void check_peers(live* self)
         log_event(LOG_INFO, "other_rsu_silent", "rsu_id=%" PRId32 " start_utime=%" PRId64,
                   peer->rsu_id, peer->start_utime);
     }
-    const bool standby = peers_standby(&self->peers, at.now);
-    if (standby != self->standby) {
-        self->standby = standby;
-        log_event(LOG_WARNING, standby ? "stands_by" : "takes_over",
+    const peer*   leader = peers_leader(&self->peers, at.now);
+    const int32_t leader_id = leader != NULL ? leader->rsu_id : -1;
+    if (leader_id != self->leader_id) {
+        log_event(LOG_WARNING, leader != NULL ? "stands_by" : "takes_over",
                   "cycle=%" PRId64 " %s=%" PRId32, self->cycle.number,
-                  standby ? "leader" : "after", self->peers.leader->rsu_id);
+                  leader != NULL ? "leader" : "after",
+                  leader != NULL ? leader_id : self->leader_id);
+        self->leader_id = leader_id;
     }
     if (peers_fault(&self->peers, at.now)) {
         status_fault(&self->status, RSU_FAULT_OTHER_RSU, at.now, false);

@@ -200,7 +200,7 @@ static void claim(peers* self, peers_vehicle* vehicle, uint32_t by, int32_t cycl
 
 static const peer* offer_plan(peers* self, const verge_vehicle_plan_t* plan, int64_t now)
 {
-    peer* peer = plan->rsu_id != self->def.rsu_id ? find_peer(self, plan->rsu_id, 0) : NULL;
+    peer* peer = find_peer(self, plan->rsu_id, 0); // none that has this unit's id
     if (peer == NULL || !peers_audible(peer, now) || wire_plan_check(plan) != NULL) {
         return NULL;
     }
@@ -224,9 +224,6 @@ static const peer* offer_plan(peers* self, const verge_vehicle_plan_t* plan, int
 
 void peers_begin(peers* self, int64_t now)
 {
-    if (self->sent + self->withheld > 0) {
-        self->standby = self->sent == 0;
-    }
     self->sent = self->withheld = 0;
     self->led = false;
     for (uint32_t i = 0; i < PEERS_MAX; i++) {
@@ -248,17 +245,24 @@ static bool led_by_plan(peers* self, const peers_vehicle* vehicle, int64_t now)
            (vehicle->claims >= PEERS_RETURN_CYCLES || !vehicle->sent);
 }
 
-/// The unit that will plan a new vehicle, unless it is silent about it; null: none.
-static const peer* awaited(const peers* self, const peers_vehicle* vehicle, int64_t now)
+/// A unit with another id that leads on the same road; null: none.
+static const peer* road_leader(const peers* self, int64_t now)
 {
-    for (uint32_t i = 0; i < PEERS_MAX && !vehicle->sent; i++) {
+    for (uint32_t i = 0; i < PEERS_MAX; i++) {
         const peer* peer = &self->peer[i];
         if (peers_audible(peer, now) && !same_id(self, peer) && peers_leads(self, peer) &&
-            peer->map_crc32 == self->def.map_crc32 && now - vehicle->since < limit_us(peer)) {
+            peer->map_crc32 == self->def.map_crc32) {
             return peer;
         }
     }
     return NULL;
+}
+
+/// The unit that will plan a new vehicle, unless it is silent about it; null: none.
+static const peer* awaited(const peers* self, const peers_vehicle* vehicle, int64_t now)
+{
+    const peer* leader = !vehicle->sent ? road_leader(self, now) : NULL;
+    return leader != NULL && now - vehicle->since < limit_us(leader) ? leader : NULL;
 }
 
 bool peers_sends(peers* self, int32_t vehicle_id, int64_t now)
@@ -266,7 +270,6 @@ bool peers_sends(peers* self, int32_t vehicle_id, int64_t now)
     peers_vehicle* vehicle = vehicle_of(self, vehicle_id);
     if (!planned(self, vehicle, now)) {
         vehicle->since = now;
-        vehicle->sent = false;
     }
     vehicle->planned = now;
     const bool  led = led_by_plan(self, vehicle, now);
@@ -289,15 +292,17 @@ bool peers_cancels(peers* self, int32_t vehicle_id, int64_t now)
 
 // ---- what operators are told --------------------------------------------------------------
 
-bool peers_standby(const peers* self, int64_t now)
+const peer* peers_leader(const peers* self, int64_t now)
 {
-    const bool last = self->sent + self->withheld > 0 ? self->sent == 0 : self->standby;
-    return self->led || (last && self->leader != NULL && peers_audible(self->leader, now));
+    if (self->led || self->sent + self->withheld > 0) {
+        return self->sent == 0 && peers_audible(self->leader, now) ? self->leader : NULL;
+    }
+    return road_leader(self, now);
 }
 
 bool peers_fault(const peers* self, int64_t now)
 {
-    bool fault = peers_standby(self, now);
+    bool fault = peers_leader(self, now) != NULL;
     for (uint32_t i = 0; i < PEERS_MAX; i++) {
         const peer* peer = &self->peer[i];
         fault = fault || (peers_audible(peer, now) && same_id(self, peer));

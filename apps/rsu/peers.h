@@ -79,8 +79,7 @@ typedef struct peers {
     bool          led;      ///< a unit with the same id sends
     bool          sends;    ///< this unit was not led in the last cycle
     uint32_t      sent, withheld; ///< plans since peers_begin()
-    bool          standby;  ///< see peers_standby()
-    const peer*   leader;   ///< the unit that was last stood by for; null: none yet
+    const peer*   leader;   ///< because of which a plan was last withheld; null: none yet
 } peers;
 
 void peers_init(peers* self, const peers_def* def);
@@ -107,9 +106,10 @@ bool peers_leads(const peers* self, const peer* peer);
 bool peers_audible(const peer* peer, int64_t now);
 /// Is any other unit audible?
 bool peers_any(const peers* self, int64_t now);
-/// Does this unit stand by: did it send no plan in the last cycle that had plans, because another
-/// unit leads?
-bool peers_standby(const peers* self, int64_t now);
+/// The unit that this one stands by for, which means that it sends no plan at all because that one
+/// leads: the last cycle's plans were all withheld, or there are none and both have the same road.
+/// Null: this unit does not stand by.
+const peer* peers_leader(const peers* self, int64_t now);
 /// Has another unit the same rsu_id, or does this unit stand by, or do both send plans for one
 /// vehicle?
 bool peers_fault(const peers* self, int64_t now);

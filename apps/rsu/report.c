@@ -72,7 +72,7 @@ static void add_others_json(text* out, const report_input* from)
 {
     const char* comma = "";
     text_add(out, ",\"standby\":%s,\"others\":[",
-             peers_standby(from->peers, from->now) ? "true" : "false");
+             peers_leader(from->peers, from->now) != NULL ? "true" : "false");
     for (uint32_t i = 0; i < PEERS_MAX; i++) {
         const peer* peer = &from->peers->peer[i];
         if (peers_audible(peer, from->now)) {
@@ -276,7 +276,7 @@ void report_metrics(text* out, const report_input* from)
            status->fault);
     add_faults(out, from->faults);
     single(out, "verge_standby", "gauge", "1: no plan is sent, because another unit leads.",
-           peers_standby(from->peers, from->now) ? 1 : 0);
+           peers_leader(from->peers, from->now) != NULL ? 1 : 0);
     single(out, "verge_cycles_total", "counter", "Planning cycles begun.",
            (int64_t)from->cycle->number + 1);
     single(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",

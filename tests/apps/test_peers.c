@@ -200,7 +200,7 @@ static int64_t last_sent(unsigned unit)
 
 static bool stands_by(unsigned unit)
 {
-    return peers_standby(&world.units[unit].peers, now_us());
+    return peers_leader(&world.units[unit].peers, now_us()) != NULL;
 }
 
 static bool faulty(unsigned unit)
@@ -286,7 +286,7 @@ static void test_a_first_that_returns_gets_the_vehicles_back_after_three_cycles(
     connect_unit(0, true);
     run(8000);
     CHECK_AT_MOST((double)(last_sent(1) - repair), 4.0 * PERIOD_MS);
-    assert_in_range(sent(1, repair), VEHICLES, 4 * VEHICLES);
+    assert_in_range(sent(1, repair), 2 * VEHICLES, 4 * VEHICLES);
     assert_true(stands_by(1) && !stands_by(0));
 }
 
@@ -356,6 +356,46 @@ static void test_a_link_that_loses_messages_does_not_switch_the_sender(void** st
     assert_true(stands_by(1));
 }
 
+/// Unit 0 leads, and is heard for two of each ten cycles.
+static void check_weak_link(void)
+{
+    run(6000);
+    connect_unit(0, false);
+    run(6000);
+    const int64_t since = world.ms;
+    for (int i = 0; i < 5; ++i) {
+        connect_unit(0, true);
+        run(2 * PERIOD_MS);
+        connect_unit(0, false);
+        run(8 * PERIOD_MS);
+    }
+    assert_int_equal(sent(1, since), 50 * VEHICLES);
+}
+
+static void test_a_unit_that_is_heard_now_and_then_does_not_get_the_vehicles(void** state)
+{
+    (void)state;
+    begin_same_id();
+    check_weak_link();
+    begin_other_id(1, false);
+    check_weak_link();
+}
+
+static void test_of_two_units_that_send_the_lower_id_counts_for_a_third_one(void** state)
+{
+    (void)state;
+    begin();
+    start(2, 9, 1, false);
+    run(3000);
+    start(1, 7, 1, true);
+    start(0, 3, 1, false);
+    run(4 * PERIOD_MS);
+    const int64_t since = world.ms;
+    run(5000);
+    assert_int_equal(sent(2, since), 0);
+    assert_int_equal(sent(1, since), 10 * VEHICLES);
+}
+
 static void test_a_vehicle_that_the_lower_id_does_not_plan_gets_plans_of_the_higher_one(void** state)
 {
     (void)state;
@@ -384,6 +424,19 @@ static void test_neighbours_on_different_roads_share_only_what_both_plan(void** 
     assert_in_range(from_higher[1], 0, PEERS_RETURN_CYCLES + 1); // until the lower one was heard
     assert_int_equal(from_higher[2], 20);
     assert_false(stands_by(1) || faulty(1) || faulty(0));
+}
+
+static void test_without_vehicles_a_unit_stands_by_on_the_same_road_only(void** state)
+{
+    (void)state;
+    for (uint32_t map = 1; map <= 2; ++map) {
+        begin_other_id(map, false);
+        world.units[0].vehicles = world.units[1].vehicles = 0;
+        run(5000);
+        assert_int_equal(stands_by(1), map == 1);
+        assert_int_equal(faulty(1), map == 1);
+        assert_false(stands_by(0) || faulty(0));
+    }
 }
 
 static void test_never_lets_both_send_and_both_report_it(void** state)
@@ -507,7 +560,7 @@ static void test_many_units_and_vehicles_replace_those_heard_longest_ago(void** 
     }
     peers_begin(self, now_us());
     assert_false(peers_sends(self, 999, now_us())); // planned by a unit that is remembered
-    assert_true(peers_sends(self, 900, now_us()));  // by one that is forgotten
+    assert_true(peers_sends(self, 985, now_us()));  // by one that is forgotten
 }
 
 int main(void)
@@ -521,9 +574,12 @@ int main(void)
         cmocka_unit_test(test_of_two_ids_the_higher_one_takes_over_and_gives_back),
         cmocka_unit_test(test_a_unit_that_says_that_it_stops_is_replaced_in_the_next_cycle),
         cmocka_unit_test(test_a_link_that_loses_messages_does_not_switch_the_sender),
+        cmocka_unit_test(test_a_unit_that_is_heard_now_and_then_does_not_get_the_vehicles),
+        cmocka_unit_test(test_of_two_units_that_send_the_lower_id_counts_for_a_third_one),
         cmocka_unit_test(
             test_a_vehicle_that_the_lower_id_does_not_plan_gets_plans_of_the_higher_one),
         cmocka_unit_test(test_neighbours_on_different_roads_share_only_what_both_plan),
+        cmocka_unit_test(test_without_vehicles_a_unit_stands_by_on_the_same_road_only),
         cmocka_unit_test(test_never_lets_both_send_and_both_report_it),
         cmocka_unit_test(test_of_three_units_the_next_id_takes_over),
         cmocka_unit_test(test_only_a_vehicle_with_a_plan_of_its_own_is_cancelled),

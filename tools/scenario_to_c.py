@@ -16,7 +16,8 @@ HABITS = {"aggressive": 0, "normal": 1, "conservative": 2}
 WEIGHTS = ("curvature", "heading", "offset", "acceleration", "jerk", "obstacle")
 INSTANT = 1e-6           # [s] instants closer than this are equal
 ACCELERATION_MAX = 15.0  # [m/s^2] larger values are measurement noise
-SEARCH = {"paper": "VERGE_SEARCH_PAPER", "best": "VERGE_SEARCH_BEST"}
+SEARCH = {"paper": "VERGE_SEARCH_PAPER", "best": "VERGE_SEARCH_BEST",
+          "policy": "VERGE_SEARCH_POLICY"}
 
 
 def number(value):

@@ -9,7 +9,7 @@ static void param_from_json(const json_at* at, const verge_param* param, verge_p
 static uint32_t search_from_json(const json_at* at);
 
 /// By value of verge_search.
-static const char* const SEARCH_NAMES[] = { "paper", "best", NULL };
+static const char* const SEARCH_NAMES[] = { "paper", "best", "policy", NULL };
 /// By value of verge_habit_kind.
 static const char* const HABIT_NAMES[] = { "aggressive", "normal", "conservative", NULL };
 /// Largest weight of a cost term. It keeps the sum of costs finite. [1]
@@ -68,7 +68,7 @@ void planner_def_write(FILE* out, const verge_planner_def* def)
         }
         memcpy(&small, field, sizeof small);
         if (params[i].kind == VERGE_PARAM_SEARCH) {
-            string_write(out, SEARCH_NAMES[small == VERGE_SEARCH_BEST]);
+            string_write(out, SEARCH_NAMES[small]);
         } else if (params[i].kind == VERGE_PARAM_BOOL) {
             fputs(small != 0 ? "true" : "false", out);
         } else {

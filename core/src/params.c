@@ -14,8 +14,9 @@ enum { cookie = 0x76726765 }; // "vrge"
 
 static const verge_param params[] = {
     U(seed, VERGE_PARAM_U64, 0, 18446744073709551615.0, "seed of the only random generator"),
-    U(search, VERGE_PARAM_SEARCH, 0, 1,
-      "\"best\": the best complete plan found, improved; \"paper\": the greedy plan of the tree"),
+    U(search, VERGE_PARAM_SEARCH, 0, 2,
+      "\"best\": the best complete plan found, improved; \"paper\": the greedy plan of the tree; "
+      "\"policy\": the greedy plan without a tree"),
     U(iterations, VERGE_PARAM_U32, 1, 1000000, "search iterations per step"),
     U(nodes_max, VERGE_PARAM_U32, 2, 1000000, "nodes of the search tree"),
     U(vehicles_max, VERGE_PARAM_U32, 1, VERGE_VEHICLES_MAX, "largest number of vehicles in a step"),

@@ -197,7 +197,7 @@ verge_status verge_planner_init(verge_planner** planner, const verge_planner_def
     self->def.road = (verge_road_def){ NULL, 0 }; // the road is built; its definition may be freed
     self->counters.arena_size = size;
     self->counters.arena_peak = arena.peak;
-    self->counters.nodes_max = def->nodes_max;
+    self->counters.nodes_max = def->search == VERGE_SEARCH_POLICY ? 0 : def->nodes_max;
     *planner = self;
     return VERGE_OK;
 }

@@ -40,7 +40,8 @@ static double run(played* self, uint64_t seed, const vg_joint_actions* warm)
     self->tree = vg_tree_take(&arena, &self->at->def);
     assert_non_null(self->tree);
     vg_random random = vg_random_from(seed, 0);
-    vg_search_run(self->tree, &self->at->scene, &self->at->root, &random, warm, &self->decision.line,
+    vg_flow flows[3] = { self->at->root };
+    vg_search_run(self->tree, &self->at->scene, flows, &random, warm, &self->decision.line,
                   &self->decision.report);
     stage_drive(self->at, &self->decision);
     return self->decision.report.reward;

@@ -65,7 +65,8 @@ static inline void stage_decide(const stage* at, vg_random random, stage_decisio
     vg_arena_init(&arena, memory, size);
     vg_tree* tree = vg_tree_take(&arena, &at->def);
     assert_non_null(tree);
-    vg_search_run(tree, &at->scene, &at->root, &random, NULL, &decision->line, &decision->report);
+    vg_flow flows[3] = { at->root };
+    vg_search_run(tree, &at->scene, flows, &random, NULL, &decision->line, &decision->report);
     stage_drive(at, decision);
     free(memory);
 }

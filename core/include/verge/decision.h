@@ -116,8 +116,10 @@ typedef struct verge_vehicle_decision {
 
 /// Statistics and result of the search.
 typedef struct verge_search_report {
-    uint32_t iterations;  ///< iterations made: always the budget
-    uint32_t nodes;       ///< nodes created
+    uint32_t iterations;  ///< plans simulated: always the budget; with VERGE_SEARCH_POLICY 1 or 2,
+                          ///< and at most 25 for each vehicle that these leave in a conflict or
+                          ///< off its target lane
+    uint32_t nodes;       ///< nodes created; this to unexpanded: 0 without a tree
     uint32_t nodes_first; ///< nodes created before the returned plan was found for the first time
     uint32_t depth;       ///< depth of the deepest node
     uint32_t pruned;      ///< joint actions rejected because of a conflict
@@ -196,7 +198,7 @@ typedef struct verge_commitment {
 typedef struct verge_decider verge_decider;
 
 /// Size of the memory for verge_decider_init() [B]; 0 if the def is not valid. It grows with
-/// nodes_max, vehicles_max, controlled_max and road.lane_count (def.h).
+/// nodes_max (not of VERGE_SEARCH_POLICY), vehicles_max, controlled_max and road.lane_count (def.h).
 size_t verge_decider_memory_size(const verge_planner_def* def);
 
 /// Builds a decider in the caller's memory, which must be aligned to 64 bytes. The def is copied.
@@ -204,7 +206,7 @@ size_t verge_decider_memory_size(const verge_planner_def* def);
 verge_status verge_decider_init(verge_decider** decider, const verge_planner_def* def, void* memory,
                                 size_t size);
 
-/// Searches joint actions (section 3.1 of the paper) for all controlled vehicles of the scene that
+/// Decides (verge_planner_def.search: section 3.1 of the paper, or without a search) for all controlled vehicles of the scene that
 /// are on the road. The result depends on the arguments and the def only.
 /// @retval VERGE_ERR_CAPACITY  more vehicles than the def or the decision holds; nothing is changed
 /// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
@@ -214,7 +216,8 @@ static inline verge_status verge_decide(verge_decider* decider, const verge_scen
 verge_status verge_decide_for(uint64_t config, verge_decider* decider, const verge_scene* scene,
                               verge_commitment* commitment, verge_decision* decision);
 
-/// Largest number of nodes of all searches so far, and size of a node in the last search [B].
+/// Largest number of nodes of all searches so far, and size of a node in the last search [B]; 0
+/// where there is no tree.
 void verge_decider_nodes(const verge_decider* decider, uint32_t* nodes_peak,
                          uint32_t* bytes_per_node);
 

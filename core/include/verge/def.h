@@ -12,6 +12,10 @@ extern "C" {
 typedef enum verge_search {
     VERGE_SEARCH_PAPER = 0,  ///< the child of largest mean at each layer; no warm start
     VERGE_SEARCH_BEST = 1,   ///< the best complete plan found; warm start from the last plan
+    VERGE_SEARCH_POLICY = 2, ///< each vehicle does what is best for it alone, as the search of BEST
+                             ///< begins; warm start from the last plan. No tree and no memory for
+                             ///< one; iterations, nodes_max and seed have no effect. For a vehicle
+                             ///< that plans for itself on little memory
 } verge_search;
 
 /// Calls task(arg, 0) .. task(arg, count - 1), in any order, on any threads, and returns when all
@@ -111,7 +115,7 @@ typedef enum verge_param_kind {
     VERGE_PARAM_DOUBLE,
     VERGE_PARAM_U32,
     VERGE_PARAM_U64,
-    VERGE_PARAM_SEARCH, ///< uint32_t; by name "paper" or "best"
+    VERGE_PARAM_SEARCH, ///< uint32_t; by name: "paper", "best", "policy"
     VERGE_PARAM_BOOL,   ///< uint32_t 0 or 1; by name true or false
 } verge_param_kind;
 

@@ -121,7 +121,7 @@ typedef struct verge_counters {
     size_t   arena_size;      ///< [B] memory given to the planner
     size_t   arena_peak;      ///< [B] largest part of it in use
     uint32_t nodes_peak;      ///< largest number of nodes in any step
-    uint32_t nodes_max;       ///< capacity
+    uint32_t nodes_max;       ///< capacity; 0 with VERGE_SEARCH_POLICY, which has no tree
     uint32_t bytes_per_node;  ///< with the vehicle count of the last step
     uint64_t steps;           ///< successful calls of verge_planner_step()
     uint64_t fallbacks;       ///< in all steps

@@ -17,11 +17,11 @@
 
 struct verge_decider {
     verge_planner_def def;
-    vg_tree*  tree;
+    vg_tree*  tree;     // not POLICY
     vg_pairs* pairs;
     vg_model* model;
-    vg_value* value;    // BEST alone
-    vg_flow*  flows;    // [2] the root, and the state one step later
+    vg_value* value;    // not PAPER
+    vg_flow*  flows;    // [3] the root, and two states after it
     vg_order* order;    // who passes conflict areas first
     uint32_t  nodes_peak, bytes_per_node;
 };
@@ -61,13 +61,13 @@ verge_status verge_decider_init(verge_decider** decider, const verge_planner_def
 static void* take(vg_arena* arena, const verge_planner_def* def)
 {
     verge_decider* self = vg_arena_take(arena, sizeof *self);
-    vg_tree* tree = vg_tree_take(arena, def);
+    vg_tree* tree = def->search != VERGE_SEARCH_POLICY ? vg_tree_take(arena, def) : NULL;
     vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max, def->road.lane_count);
     vg_model* model = vg_arena_take(arena, sizeof *model);
-    vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
+    vg_flow* flows = vg_arena_take(arena, 3 * sizeof *flows);
     vg_order* order = vg_order_take(arena, def->vehicles_max);
     vg_value* value = NULL;
-    if (def->search == VERGE_SEARCH_BEST) {
+    if (def->search != VERGE_SEARCH_PAPER) {
         value = vg_value_take(arena, def->controlled_max, def->road.lane_count);
     }
     if (self != NULL) {
@@ -130,10 +130,9 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
         vg_flow_begin(self->model, &self->flows[0], reached_before(self, scene, commitment));
     }
     vg_joint_actions warm, sequence;
-    const bool is_warm =
-        self->def.search == VERGE_SEARCH_BEST && recall(self, scene, commitment, &warm);
+    const bool is_warm = self->model->best && recall(self, scene, commitment, &warm);
     vg_random random = vg_random_from(self->def.seed, commitment->decisions++);
-    vg_search_run(self->tree, self->model, &self->flows[0], &random, is_warm ? &warm : NULL,
+    vg_search_run(self->tree, self->model, self->flows, &random, is_warm ? &warm : NULL,
                   &sequence, &decision->search);
     if (!is_warm || !confirms(self, scene, &sequence, &warm, commitment)) {
         commit(self, scene, &sequence, commitment);
@@ -141,7 +140,8 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
     write_steps(self, scene, &sequence, decision);
     const uint32_t nodes = decision->search.nodes;
     self->nodes_peak = nodes > self->nodes_peak ? nodes : self->nodes_peak;
-    self->bytes_per_node = vg_node_size(self->model->count, self->model->controlled_count);
+    self->bytes_per_node =
+        self->tree == NULL ? 0 : vg_node_size(self->model->count, self->model->controlled_count);
     return VERGE_OK;
 }
 
@@ -203,8 +203,6 @@ static uint8_t committed_action(const verge_commitment* commitment, int32_t id, 
 // Shifts the commitment to the present: each step gets the action decided for its middle. The age
 // is counted from the first decision. If it were counted from the last confirmation, a lane change
 // decided for the next step would be postponed for ever. Commitments older than 100 s are ignored.
-static uint32_t reached_before(const verge_decider* self, const verge_scene* scene,
-                               verge_commitment* commitment);
 static bool recall(const verge_decider* self, const verge_scene* scene,
                    const verge_commitment* commitment, vg_joint_actions* sequence)
 {

@@ -53,11 +53,12 @@ void vg_playout_draw(vg_search* self, uint8_t* actions, uint32_t which)
     }
 }
 
-// First those that change lane wait; then all brake. Physics has no better answer.
+// First those that change lane wait, in POLICY all; then all brake. Physics has no better answer.
 static void give_way(vg_search* self, uint8_t* actions, uint32_t conflicts, bool brake)
 {
+    const bool all = brake || self->random == NULL;
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
-        if ((conflicts >> i & 1u) != 0 && (brake || vg_action_changes_lane(actions[i]))) {
+        if ((conflicts >> i & 1u) != 0 && (all || vg_action_changes_lane(actions[i]))) {
             const uint8_t legal = self->moves.legal[i];
             const bool slows = (legal & 1u << VERGE_DECELERATE) != 0;
             actions[i] = slows && (brake || (legal & 1u << VERGE_KEEP_SPEED) == 0)
@@ -66,11 +67,12 @@ static void give_way(vg_search* self, uint8_t* actions, uint32_t conflicts, bool
     }
 }
 
-// BEST: conflicts that remain are paid for, the sooner the more.
+// BEST and POLICY: conflicts that remain are paid for, the sooner the more.
 static bool repair_best(vg_search* self, uint8_t* actions)
 {
+    const uint32_t tries_max = self->random != NULL ? repair_tries_max : 2u;
     uint32_t conflicts = 0;
-    for (uint32_t tries = 0; tries < repair_tries_max; ++tries) {
+    for (uint32_t tries = 0; tries < tries_max; ++tries) {
         conflicts = vg_flow_conflicts(self->model, self->flow, &self->moves, actions);
         if (conflicts == 0) {
             return true;
@@ -83,6 +85,7 @@ static bool repair_best(vg_search* self, uint8_t* actions)
     }
     conflicts = vg_flow_conflicts(self->model, self->flow, &self->moves, actions);
     const double later = (double)self->sequence.step_count / (double)self->model->def->steps;
+    self->conflicts |= conflicts;
     self->conflict_cost += conflict_cost * (double)vg_bits(conflicts) * (1.5 - later);
     return true;
 }
@@ -136,14 +139,16 @@ double vg_playout_finish(vg_search* self, bool whole)
     const double reward =
         vg_flow_reward(self->model, self->flow, self->sequence.step_count, whole)
         - self->conflict_cost;
-    self->conflict_cost = 0.0;
     self->report->iterations++;
     if (whole && reward > self->best_reward) {
         self->best = self->sequence;
         self->best_reward = reward;
+        self->best_conflicts = self->conflicts;
         self->unreached = unreached(self);
-        self->report->nodes_first = self->tree->count;
+        self->report->nodes_first = self->report->nodes;
     }
+    self->conflict_cost = 0.0;
+    self->conflicts = 0;
     return reward;
 }
 

@@ -12,10 +12,10 @@ extern "C" {
 
 /// The state of one search.
 typedef struct vg_search {
-    vg_tree*        tree;
+    vg_tree*        tree;   ///< null: POLICY
     const vg_model* model;
-    vg_random*      random;
-    vg_flow         buffer[2];
+    vg_random*      random; ///< null: POLICY
+    const vg_flow*  root;
     vg_flow*        flow; ///< the simulation's state
     vg_flow*        next; ///< the state after the present step
     vg_moves        moves;
@@ -23,6 +23,7 @@ typedef struct vg_search {
     vg_joint_actions best;     ///< actions of the best plan so far
     double          best_reward;
     double          conflict_cost; ///< [1] of conflicts that remain in the present simulation
+    uint32_t conflicts, best_conflicts; ///< slots (bits) in them, and in those of the best plan
     uint32_t        unreached; ///< slots (bits) not in their target lane with the best plan
     uint32_t        trail;     ///< 0 or 1: the trail that holds the states of the best plan
     int8_t          turn[VERGE_CONTROLLED_MAX]; ///< at the root: +1 the target lies left, -1 right
@@ -61,6 +62,9 @@ void vg_search_tree(vg_search* self, uint32_t budget);
 /// Improves the best plan by variations of one or two vehicles, with this budget of simulations
 /// (polish.c).
 void vg_search_polish(vg_search* self, uint32_t budget);
+/// The start of it without a budget: the policies of all vehicles, and fixed variations of those
+/// that do not reach their target lane or are in a conflict (polish.c).
+void vg_search_policy(vg_search* self);
 /// Simulates a whole plan (polish.c): before step `from` the actions of the best plan, whose states
 /// are stored, then the wanted ones. Returns its reward.
 double vg_search_try(vg_search* self, uint32_t from, const vg_joint_actions* wanted);

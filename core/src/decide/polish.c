@@ -11,17 +11,24 @@ double vg_search_try(vg_search* self, uint32_t from, const vg_joint_actions* wan
 {
     const uint32_t own = 1u - self->trail;
     const double before = self->best_reward;
-    vg_tree_load(self, from == 0 ? 0u : vg_tree_trail(self, self->trail, from), self->flow);
+    if (from == 0) {
+        *self->flow = *self->root;
+    } else {
+        vg_tree_load(self, vg_tree_trail(self, self->trail, from), self->flow);
+    }
     self->sequence = self->best;
     self->sequence.step_count = from;
     while (!vg_playout_over(self)) {
         if (!vg_playout_follow(self, wanted)) {
             return vg_playout_finish(self, false);
         }
-        vg_tree_save(self, vg_tree_trail(self, own, self->sequence.step_count), self->flow);
+        if (self->tree != NULL) {
+            vg_tree_save(self, vg_tree_trail(self, own, self->sequence.step_count), self->flow);
+        }
     }
     const double reward = vg_playout_finish(self, true);
-    if (self->best_reward > before) { // a new best plan: copy the states before `from` to its trail
+    if (self->tree != NULL && self->best_reward > before) {
+        // A new best plan: copy the states before `from` to its trail.
         const size_t stride = self->tree->stride;
         memcpy(self->tree->states + vg_tree_trail(self, own, 0) * stride,
                self->tree->states + vg_tree_trail(self, self->trail, 0) * stride,
@@ -34,7 +41,7 @@ double vg_search_try(vg_search* self, uint32_t from, const vg_joint_actions* wan
 // Stores the states along the best plan, which the tree search found, in its trail.
 static void store_states(vg_search* self)
 {
-    vg_tree_load(self, 0, self->flow);
+    *self->flow = *self->root;
     self->sequence.step_count = 0;
     while (self->sequence.step_count < self->best.step_count
            && vg_playout_follow(self, &self->best)) {
@@ -176,13 +183,29 @@ static void end_in_policy(vg_search* self, const vg_joint_actions* before, vg_jo
     }
 }
 
+// The policies of all vehicles. Where a vehicle does not reach its target lane or is in a conflict,
+// its codes are tried until it does and is not.
+void vg_search_policy(vg_search* self)
+{
+    vg_joint_actions plan = { .step_count = self->model->def->steps };
+    memset(plan.actions, VG_POLICY, sizeof plan.actions);
+    (void)vg_search_try(self, 0, &plan);
+    for (uint32_t k = 0; k < self->model->controlled_count * CODE_COUNT; ++k) {
+        const uint32_t slot = k / CODE_COUNT;
+        if (((self->unreached | self->best_conflicts) >> slot & 1u) != 0) {
+            plan = self->best;
+            write_code(self, &plan, slot, &codes[k % CODE_COUNT]);
+            (void)vg_search_try(self, 0, &plan);
+        }
+    }
+}
+
 static void find_turns(vg_search* self)
 {
     const verge_road* road = self->model->road;
-    vg_tree_load(self, 0, self->flow);
     for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
         const int32_t target = self->model->target[i];
-        const uint32_t lane = (uint32_t)self->flow->lane[i];
+        const uint32_t lane = (uint32_t)self->root->lane[i];
         self->turn[i] = target < 0 ? 0 : (int8_t)vg_road_turn(road, lane, (uint32_t)target);
     }
 }

@@ -14,48 +14,55 @@
 // random freeway scenes with 3,000 iterations: shares from 0 to 1/2.
 enum { tree_part = 5 };
 
+static void   search(vg_search* self, uint32_t budget);
 static void   replay(vg_search* self, const vg_joint_actions* sequence);
 static double switched_share(const vg_search* self, const vg_joint_actions* kept);
 
-void vg_search_run(vg_tree* tree, const vg_model* model, const vg_flow* root, vg_random* random,
+void vg_search_run(vg_tree* tree, const vg_model* model, vg_flow flows[3], vg_random* random,
                    const vg_joint_actions* warm, vg_joint_actions* sequence,
                    verge_search_report* report)
 {
-    VERGE_ASSERT(model->controlled_count > 0 && vg_flow_holds(model, root));
-    const verge_planner_def* def = model->def;
+    VERGE_ASSERT(model->controlled_count > 0 && vg_flow_holds(model, &flows[0]));
     memset(report, 0, sizeof *report);
-    vg_tree_empty(tree, model->count, model->controlled_count);
-    vg_search self = { .tree = tree, .model = model, .random = random, .best_reward = VG_NO_PLAN,
-                       .report = report };
-    self.flow = &self.buffer[0];
-    self.next = &self.buffer[1];
-    self.buffer[0] = self.buffer[1] = *root;
+    vg_search self = { .tree = tree, .model = model, .root = &flows[0], .flow = &flows[1],
+                       .next = &flows[2], .best_reward = VG_NO_PLAN, .report = report };
+    flows[1] = flows[2] = flows[0];
     memset(&self.moves, 0, sizeof self.moves);
-    (void)vg_tree_add(&self, VG_NO_NODE, NULL, root);
-
-    const bool best = def->search == VERGE_SEARCH_BEST;
-    const uint32_t budget = def->iterations;
+    if (model->def->search != VERGE_SEARCH_POLICY) {
+        self.random = random;
+        vg_tree_empty(tree, model->count, model->controlled_count);
+        (void)vg_tree_add(&self, VG_NO_NODE, NULL, self.root);
+    }
     double warm_reward = VG_NO_PLAN;
     vg_joint_actions kept = { .step_count = 0 };
-    if (best && warm != NULL) {
+    if (model->best && warm != NULL) {
         (void)vg_search_try(&self, 0, warm);
         warm_reward = self.best_reward;
         kept = self.best;
     }
-    const uint32_t left =
-        budget - (self.report->iterations < budget ? self.report->iterations : budget);
-    vg_search_tree(&self, best ? left / tree_part : left);
-    if (best) {
-        vg_search_polish(&self, budget - self.report->iterations);
-        if (warm_reward > VG_NO_PLAN
-            && self.best_reward < warm_reward + def->switch_margin * switched_share(&self, &kept)) {
-            self.best = kept;
-        }
+    search(&self, model->def->iterations);
+    const double margin = model->def->switch_margin;
+    if (warm_reward > VG_NO_PLAN
+        && self.best_reward < warm_reward + margin * switched_share(&self, &kept)) {
+        self.best = kept;
     }
     replay(&self, &self.best);
     *sequence = self.sequence;
-    report->nodes = tree->count;
-    report->bound = vg_flow_bound(model, root);
+    report->bound = vg_flow_bound(model, self.root);
+}
+
+static void search(vg_search* self, uint32_t budget)
+{
+    const uint32_t used = self->report->iterations;
+    const uint32_t left = used < budget ? budget - used : 0;
+    switch ((verge_search)self->model->def->search) {
+    case VERGE_SEARCH_PAPER: vg_search_tree(self, left); break;
+    case VERGE_SEARCH_POLICY: vg_search_policy(self); break;
+    case VERGE_SEARCH_BEST:
+        vg_search_tree(self, left / tree_part);
+        vg_search_polish(self, left - left / tree_part);
+        break;
+    }
 }
 
 // The lane changes of one vehicle in their order, two bits each, and the step of the first one.
@@ -97,7 +104,7 @@ static double switched_share(const vg_search* self, const vg_joint_actions* kept
 static void replay(vg_search* self, const vg_joint_actions* sequence)
 {
     const vg_model* model = self->model;
-    vg_tree_load(self, 0, self->flow);
+    *self->flow = *self->root;
     self->sequence.step_count = 0;
     bool ended_early = false;
     for (uint32_t t = 0; t < model->def->steps; ++t) {

@@ -135,6 +135,7 @@ int32_t vg_tree_add(vg_search* self, int32_t parent, const uint8_t* actions, con
     const int32_t at = (int32_t)tree->count++;
     vg_metanode* node = &tree->nodes[at];
     memset(node, 0, sizeof *node);
+    self->report->nodes = tree->count;
     node->parent = parent;
     node->first_child = node->next_sibling = VG_NO_NODE;
     if (parent != VG_NO_NODE) {

@@ -79,7 +79,7 @@ bool vg_job_begin(vg_job* job, const verge_planner_def* def, const verge_scene* 
         job->target = vg_road_lane_index(scene->road, vehicle->target_lane);
         job->followers = followers_of(scene, vehicle_index);
         vg_segments_from(&expected, job);
-        if (def->search == VERGE_SEARCH_BEST) {
+        if (def->search != VERGE_SEARCH_PAPER) {
             finish_change(&expected, scene->utime, before, job);
         }
         memset(plan, 0, sizeof *plan);

@@ -136,7 +136,7 @@ void vg_segments_from(const vg_expected* expected, vg_job* job)
         segment->t1 = vg_min(t[to], horizon);
         const double part = (segment->t1 - t[to - 1u]) / (t[to] - t[to - 1u]);
         // The lateral motion does not end with the horizon, so a change up to there is aimed whole.
-        const bool whole = def->search == VERGE_SEARCH_BEST && segment->t1 >= horizon - 1e-9;
+        const bool whole = def->search != VERGE_SEARCH_PAPER && segment->t1 >= horizon - 1e-9;
         set_end(job->road, expected, from, to, part, whole, segment);
         from = to;
     }

@@ -1,4 +1,4 @@
-/// How controlled vehicles drive in VERGE_SEARCH_BEST: the five actions, with strengths that suit
+/// How controlled vehicles drive, but in VERGE_SEARCH_PAPER: the five actions, with strengths that suit
 /// the traffic. The paper's rules (moves.c) accelerate and brake by 0.6 m/s^2 whatever lies ahead.
 ///
 /// AC   accelerates comfortably, but not above what the limit and the vehicle ahead allow

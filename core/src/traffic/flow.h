@@ -112,8 +112,8 @@ typedef struct vg_model {
     const verge_planner_def* def;
     const verge_road* road;
     uint32_t count, controlled_count;
-    bool     best;        ///< the search is VERGE_SEARCH_BEST: drives as traffic does, not only as
-                          ///< the paper's rules
+    bool     best;        ///< BEST in comments: not VERGE_SEARCH_PAPER: drives as traffic does, not
+                          ///< only as the paper's rules
     bool     single_axis; ///< one bundle, no successors, no conflicts: stations compare as they are
     bool     rings;   ///< some relation has a period
     bool     conflicts; ///< some lanes conflict
@@ -133,7 +133,7 @@ typedef struct vg_model {
     float    loss[VERGE_CONTROLLED_MAX];       ///< [m/s] speed lost by DC in a step
     float    stop[VERGE_CONTROLLED_MAX];       ///< [s^2/m] stopping distance of DC over v squared
     float    speed_max[VERGE_CONTROLLED_MAX];  ///< [m/s] of the body; AC is not legal above it
-    // Of BEST alone.
+    // Not of PAPER.
     float    braking_hard[VERGE_VEHICLES_MAX]; ///< [m/s^2] that the body can brake
     float    time_gap[VERGE_CONTROLLED_MAX];   ///< [s] to a vehicle ahead that verge does not plan
     const struct vg_value* value;              ///< value-to-go of the controlled vehicles, or null

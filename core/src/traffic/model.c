@@ -192,7 +192,7 @@ void vg_model_from(vg_model* model, vg_flow* flow, const verge_planner_def* def,
     memset(model, 0, sizeof *model);
     memset(flow, 0, sizeof *flow);
     model->def = def;
-    model->best = def->search == VERGE_SEARCH_BEST;
+    model->best = def->search != VERGE_SEARCH_PAPER;
     model->road = road;
     model->pairs = pairs;
     for (uint32_t pass = 0; pass < 2; ++pass) { // controlled vehicles first

@@ -5,6 +5,7 @@
 #include "traffic/reward.h"
 #include "must.h"
 #include "traffic/pairs.h"
+#include "traffic/traffic.h"
 #include "traffic/value.h"
 
 #include <math.h>
@@ -90,7 +91,8 @@ static void place_all(const world* world, verge_scene* scene)
 
 static void buffers_take(vg_arena* arena, vg_pairs** pairs, vg_value** value)
 {
-    *pairs = vg_pairs_take(arena, VERGE_VEHICLES_MAX, 0);
+    const verge_planner_def def = verge_planner_default_def(); // any road
+    *pairs = vg_traffic_take(arena, &def).pairs;
     *value = vg_value_take(arena, VERGE_CONTROLLED_MAX, 0);
 }
 

@@ -62,7 +62,7 @@ static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def)
 {
     const uint32_t vehicles = def->vehicles_max, controlled = def->controlled_max;
     const size_t decider_size = verge_decider_memory_size(def);
-    const size_t predictor_size = verge_predictor_memory_size(def);
+    const size_t predictor_size = verge_predictor_shared_memory_size(def);
     verge_planner* self = vg_arena_take(arena, sizeof *self);
     void* decider = vg_arena_take(arena, decider_size);
     void* predictor = vg_arena_take(arena, predictor_size);
@@ -86,7 +86,7 @@ static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def)
     }
     if (self == NULL || arena->failed
         || verge_decider_init(&all.decider, def, decider, decider_size) != VERGE_OK
-        || verge_predictor_init(&all.predictor, def, predictor, predictor_size) != VERGE_OK) {
+        || verge_predictor_init_shared(&all.predictor, all.decider, predictor, predictor_size) != VERGE_OK) {
         return NULL;
     }
     *self = all;
@@ -145,7 +145,8 @@ void verge_planner_memory_terms(const verge_planner_def* def,
         { "road: reference lines, stations, routes, conflicts", road },
         { "decision: search tree of nodes_max nodes, pairs of vehicles",
           verge_decider_memory_size(def) },
-        { "prediction: pairs of vehicles, expected states", verge_predictor_memory_size(def) },
+        { "prediction, besides the memory of the decision: expected states",
+          verge_predictor_shared_memory_size(def) },
         { "samplers: one workspace a controlled vehicle",
           def->controlled_max * workspace_size(def) },
         { "jobs and last plans: one a controlled vehicle",

@@ -8,8 +8,8 @@
 #include "geometry/trailer.h"
 #include "road/road.h"
 #include "traffic/advance.h"
-#include "traffic/order.h"
 #include "traffic/signals.h"
+#include "traffic/traffic.h"
 
 // A human that stood across its lane turns into it at this rate. [rad/s]
 static const double yaw_rate_max = 2.0;
@@ -30,13 +30,10 @@ static void* take(vg_arena* arena, const verge_planner_def* def)
     const uint32_t vehicles_max = def->vehicles_max;
     verge_humans* self = vg_arena_take(arena, sizeof *self);
     verge_lane_position* positions = vg_arena_take(arena, vehicles_max * sizeof *positions);
-    vg_pairs* pairs = vg_pairs_take(arena, vehicles_max, def->road.lane_count);
-    vg_model* model = vg_arena_take(arena, sizeof *model);
-    vg_flow* flows = vg_arena_take(arena, 2 * sizeof *flows);
-    vg_order* order = vg_order_take(arena, def->vehicles_max);
+    const vg_traffic traffic = vg_traffic_take(arena, def);
     if (self != NULL) {
-        *self = (verge_humans){ .def = *def, .pairs = pairs, .model = model, .flows = flows,
-                                .order = order };
+        *self = (verge_humans){ .def = *def, .pairs = traffic.pairs, .model = traffic.model,
+                                .flows = traffic.flows, .order = traffic.order };
         self->def.road = (verge_road_def){ NULL, 0 };
         self->scene = (verge_scene){ .positions = positions, .vehicles_max = vehicles_max };
     }

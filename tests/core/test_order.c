@@ -6,6 +6,7 @@
 
 #include "traffic/order.h"
 #include "traffic/pairs.h"
+#include "traffic/traffic.h"
 #include "verge/planner.h"
 
 #include <math.h>
@@ -98,8 +99,9 @@ static void world_build(world* w)
     assert_int_equal(verge_road_init(&w->road, &w->def.road, w->memory, MEMORY), VERGE_OK);
     vg_arena arena;
     vg_arena_init(&arena, w->stage, MEMORY);
-    w->pairs = vg_pairs_take(&arena, VERGE_VEHICLES_MAX, w->def.road.lane_count);
-    w->order = vg_order_take(&arena, VERGE_VEHICLES_MAX);
+    const vg_traffic traffic = vg_traffic_take(&arena, &w->def);
+    w->pairs = traffic.pairs;
+    w->order = traffic.order;
     assert_non_null(w->pairs);
     assert_non_null(w->order);
     w->scene = verge_scene_make(w->road, w->vehicles, w->positions, VERGE_VEHICLES_MAX);

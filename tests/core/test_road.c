@@ -74,10 +74,12 @@ static void look_around(world* w, const vg_source* sources, uint32_t count)
     vg_arena arena;
     vg_arena_init(&arena, NULL, 0);
     (void)vg_local_take(&arena, w->count, 64, 16);
+    vg_local_take_scratch(NULL, &arena, w->count, 64);
     free(w->local_memory);
     w->local_memory = aligned_alloc(64, arena.used);
     vg_arena_init(&arena, w->local_memory, arena.used);
     w->local = vg_local_take(&arena, w->count, 64, 16);
+    vg_local_take_scratch(w->local, &arena, w->count, 64);
     vg_local_cover(w->local, w->road, sources, count);
 }
 

@@ -3,6 +3,7 @@
 ///         that size memory, with the default capacities and parameters.
 #include "check.h"
 #include "decide/search.h"
+#include "traffic/value.h"
 #include "verge/verge.h"
 
 #include <stdio.h>
@@ -73,25 +74,49 @@ static void test_the_size_of_a_node_is_the_stated_one(void** state)
     assert_int_equal(vg_node_size(64, 16), (uint32_t)(empty + 64.0 * vehicle + 16.0 * controlled));
 }
 
-/// What an on-vehicle unit holds besides its road, whatever the road: no tree, no room for 64
-/// others.
+/// One vehicle and 8 neighbours.
+static verge_planner_def on_vehicle_def(void)
+{
+    verge_planner_def def = verge_planner_default_def();
+    def.search = VERGE_SEARCH_POLICY;
+    def.vehicles_max = 9;
+    def.controlled_max = 1;
+    return def;
+}
+
+/// The table of the value-to-go, which belongs to the road.
+static size_t value_size(const verge_planner_def* def)
+{
+    vg_arena arena;
+    vg_arena_init(&arena, NULL, 0);
+    (void)vg_value_take(&arena, def->controlled_max, def->road.lane_count);
+    return arena.used;
+}
+
+/// All that an on-vehicle unit holds, besides the road and its value-to-go.
+static size_t on_vehicle_size(const verge_planner_def* def)
+{
+    const size_t decider = verge_decider_memory_size(def);
+    const size_t predictor = verge_predictor_shared_memory_size(def);
+    const size_t sampler = verge_sampler_memory_size(def);
+    assert_true(decider > 0 && predictor > 0 && sampler > 0);
+    const size_t scene = 9 * (sizeof(verge_vehicle) + sizeof(verge_lane_position));
+    const size_t plans = sizeof(verge_vehicle_decision) + sizeof(verge_commitment)
+                         + 2 * sizeof(verge_vehicle_plan);
+    return decider - value_size(def) + predictor + sampler + scene + 9 * sizeof(verge_track) + plans;
+}
+
 static void test_one_vehicle_with_8_neighbours_takes_96_kibibytes_at_most(void** state)
 {
     (void)state;
     static const uint32_t lane_counts[] = { 0, 1, 8, 68, 512, VERGE_LANES_MAX };
-    verge_planner_def def = verge_planner_default_def();
-    def.vehicles_max = 9;
-    def.controlled_max = 1;
+    verge_planner_def def = on_vehicle_def();
     for (size_t k = 0; k < sizeof lane_counts / sizeof lane_counts[0]; ++k) {
         def.road.lane_count = lane_counts[k];
-        const size_t predictor = verge_predictor_memory_size(&def);
-        const size_t sampler = verge_sampler_memory_size(&def);
-        assert_true(predictor > 0 && sampler > 0);
-        const size_t arrays = 9 * (sizeof(verge_vehicle) + sizeof(verge_lane_position)
-                                   + sizeof(verge_track))
-                              + sizeof(verge_vehicle_decision) + 2 * sizeof(verge_vehicle_plan);
-        printf("             %u lanes: %zu bytes\n", lane_counts[k], predictor + sampler + arrays);
-        assert_true(predictor + sampler + arrays <= 96 * 1024);
+        const size_t size = on_vehicle_size(&def);
+        printf("             %u lanes: %zu bytes, value-to-go %zu\n", lane_counts[k], size,
+               value_size(&def));
+        assert_true(size <= 96 * 1024);
     }
 }
 

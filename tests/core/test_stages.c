@@ -681,6 +681,47 @@ static void a_commitment_with_counts_beyond_the_capacities_is_ignored(void** sta
     }
 }
 
+// Decisions and tracks of both are the same to the bit, cycle for cycle.
+static void check_same_cycle(const stages* a, const stages* b)
+{
+    assert_int_equal(a->decision.vehicle_count, b->decision.vehicle_count);
+    for (uint32_t i = 0; i < a->decision.vehicle_count; ++i) {
+        for (uint32_t t = 0; t < a->decisions[i].step_count; ++t) {
+            assert_int_equal(a->decisions[i].steps[t].action, b->decisions[i].steps[t].action);
+            CHECK_SAME_BITS(a->decisions[i].steps[t].s, b->decisions[i].steps[t].s);
+            CHECK_SAME_BITS(a->decisions[i].steps[t].v, b->decisions[i].steps[t].v);
+        }
+    }
+    for (uint32_t i = 0; i < a->tracks.count; ++i) {
+        assert_memory_equal(a->bodies[i].x, b->bodies[i].x, a->def.points * sizeof(double));
+        assert_memory_equal(a->bodies[i].y, b->bodies[i].y, a->def.points * sizeof(double));
+    }
+}
+
+static void a_predictor_in_the_memory_of_a_decider_changes_no_decision_and_no_prediction(void** state)
+{
+    (void)state;
+    static verge_commitment last[2];
+    memset(last, 0, sizeof last);
+    open_stages(&two, stage_memory[1], one.road);
+    const size_t size = verge_predictor_shared_memory_size(&two.def);
+    assert_true(size > 0 && size < verge_predictor_memory_size(&two.def) / 4);
+    assert_int_equal(verge_predictor_init_shared(&two.predictor, two.decider, stage_memory[1][1],
+                                                 size - 1), VERGE_ERR_MEMORY);
+    assert_null(two.predictor);
+    assert_int_equal(verge_predictor_init_shared(&two.predictor, two.decider, stage_memory[1][1],
+                                                 size), VERGE_OK);
+    for (uint32_t cycle = 0; cycle < 8; ++cycle) {
+        for (uint32_t k = 0; k < 2; ++k) {
+            stages* at = k == 0 ? &one : &two;
+            place_three(at, 8.0 + cycle);
+            assert_int_equal(verge_decide(at->decider, &at->scene, &last[k], &at->decision), VERGE_OK);
+            assert_int_equal(predict(at), VERGE_OK);
+        }
+        check_same_cycle(&one, &two);
+    }
+}
+
 #define CASE(claim) cmocka_unit_test_setup(claim, open_one)
 
 int main(void)
@@ -706,6 +747,7 @@ int main(void)
         CASE(a_scene_larger_than_the_def_is_refused_by_every_stage),
         CASE(humans_refuse_more_controlled_vehicles_than_the_def_holds),
         CASE(a_commitment_with_counts_beyond_the_capacities_is_ignored),
+        CASE(a_predictor_in_the_memory_of_a_decider_changes_no_decision_and_no_prediction),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -44,9 +44,11 @@ static built* build(void)
     assert_non_null(b->road);
     vg_arena_init(&measure, NULL, 0);
     (void)vg_local_take(&measure, t.count, 64, 16);
+    vg_local_take_scratch(NULL, &measure, t.count, 64);
     b->local_memory = aligned_alloc(64, measure.used);
     vg_arena_init(&arena, b->local_memory, measure.used);
     b->local = vg_local_take(&arena, t.count, 64, 16);
+    vg_local_take_scratch(b->local, &arena, t.count, 64);
     return b;
 }
 

@@ -17,6 +17,7 @@
 #include "traffic/conflict.h"
 #include "traffic/pairs.h"
 #include "traffic/reward.h"
+#include "traffic/traffic.h"
 #include "traffic/value.h"
 #include "verge/planner.h"
 
@@ -58,7 +59,7 @@ static inline void stage_build(stage* at)
     assert_int_equal(verge_road_check(&at->def.road, NULL), VERGE_OK);
     at->road = vg_road_build(&arena, &scratch, &at->def.road);
     assert_non_null(at->road);
-    at->pairs = vg_pairs_take(&arena, VERGE_VEHICLES_MAX, at->def.road.lane_count);
+    at->pairs = vg_traffic_take(&arena, &at->def).pairs;
     assert_non_null(at->pairs);
     at->value = vg_value_take(&arena, VERGE_CONTROLLED_MAX, at->def.road.lane_count);
     assert_non_null(at->value);

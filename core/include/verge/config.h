@@ -27,15 +27,16 @@
 #define VERGE_CONTROLLED_MAX 16
 #endif
 
-/// Lanes of a road. 1 .. 32767. Cost: 1 B in a road for each pair of the lanes that it has, 7 B in
-/// a planner for each lane that there may be; 32 B of stack a lane while a road is checked.
+/// Lanes of a road. 1 .. 32767. Cost: 1 B in a road for each pair of the lanes that it has, 3 B in
+/// a planner for each of the lanes and 1 B more a controlled vehicle; 32 B of stack a lane while a
+/// road is checked.
 #ifndef VERGE_LANES_MAX
 #define VERGE_LANES_MAX 1024
 #endif
 
 /// Lanes near the vehicles that a step relates to one another. 8 .. 64. Vehicles on other lanes
-/// drive along them, but are not related to other vehicles. Cost: 20 B for each pair of these
-/// lanes, at most 82 kB.
+/// drive along them, but are not related to other vehicles. Cost: 32 B for each pair of these
+/// lanes, at most 131 kB.
 #ifndef VERGE_LANES_NEAR_MAX
 #define VERGE_LANES_NEAR_MAX 64
 #endif

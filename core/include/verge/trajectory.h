@@ -67,6 +67,15 @@ size_t verge_predictor_memory_size(const verge_planner_def* def);
 /// @retval VERGE_ERR_DEF, VERGE_ERR_CONFIG, VERGE_ERR_MEMORY  *predictor is null
 verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def,
                                   void* memory, size_t size);
+/// Size of the memory for verge_predictor_init_shared() [B]; 0 if the def is not valid.
+size_t verge_predictor_shared_memory_size(const verge_planner_def* def);
+/// Builds a predictor with the def of a decider. It computes in the memory of the decider, where
+/// nothing is kept from call to call, and takes little of its own, which must be aligned to 64
+/// bytes. Valid as long as the decider; one thread serves both.
+/// @retval VERGE_ERR_MEMORY    *predictor is null
+/// @retval VERGE_ERR_ARGUMENT  a null pointer; *predictor is null
+verge_status verge_predictor_init_shared(verge_predictor** predictor, const verge_decider* decider,
+                                         void* memory, size_t size);
 /// Fills one track for each vehicle of the scene (section 3.2.2). Vehicles with a decision move as
 /// decided. All other vehicles follow the vehicle ahead in their lane (IDM). Their measured lateral
 /// motion continues to the next lane centre. Trailers follow their vehicles. decision: may be null;

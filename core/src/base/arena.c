@@ -44,6 +44,15 @@ void* vg_arena_take(vg_arena* arena, size_t size)
     return memset(arena->base + at, 0, padded);
 }
 
+void vg_arena_join(vg_arena* arena, const vg_arena* again)
+{
+    VERGE_ASSERT(arena != NULL && !arena->sealed);
+    VERGE_ASSERT(again->base == arena->base);
+    arena->used = again->used > arena->used ? again->used : arena->used;
+    arena->peak = again->peak > arena->peak ? again->peak : arena->peak;
+    arena->failed = arena->failed || again->failed;
+}
+
 void vg_arena_empty(vg_arena* arena)
 {
     VERGE_ASSERT(arena != NULL);

@@ -32,6 +32,9 @@ bool  vg_arena_begin(vg_arena* arena, void* memory, size_t size);
 /// Zeroed memory, or null if it does not fit (arena->failed) or the arena is measuring.
 void* vg_arena_take(vg_arena* arena, size_t size);
 void  vg_arena_empty(vg_arena* arena);
+/// Memory that is used twice: `again` is a copy of the arena from which other things were taken
+/// since. The arena goes on behind both.
+void  vg_arena_join(vg_arena* arena, const vg_arena* again);
 
 #ifdef __cplusplus
 }

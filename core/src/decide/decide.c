@@ -6,9 +6,9 @@
 #include "base/contract.h"
 #include "base/scalar.h"
 #include "base/stage.h"
+#include "decide/decider.h"
 #include "decide/playout.h"
 #include "traffic/advance.h"
-#include "traffic/order.h"
 #include "traffic/pairs.h"
 #include "traffic/reward.h"
 #include "traffic/value.h"
@@ -62,20 +62,28 @@ static void* take(vg_arena* arena, const verge_planner_def* def)
 {
     verge_decider* self = vg_arena_take(arena, sizeof *self);
     vg_tree* tree = def->search != VERGE_SEARCH_POLICY ? vg_tree_take(arena, def) : NULL;
-    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max, def->road.lane_count);
-    vg_model* model = vg_arena_take(arena, sizeof *model);
-    vg_flow* flows = vg_arena_take(arena, 3 * sizeof *flows);
-    vg_order* order = vg_order_take(arena, def->vehicles_max);
+    const vg_traffic traffic = vg_traffic_take(arena, def);
     vg_value* value = NULL;
     if (def->search != VERGE_SEARCH_PAPER) {
         value = vg_value_take(arena, def->controlled_max, def->road.lane_count);
     }
     if (self != NULL) {
-        *self = (verge_decider){ .def = *def, .tree = tree, .pairs = pairs, .model = model,
-                                 .value = value, .flows = flows, .order = order };
+        *self = (verge_decider){ .def = *def, .tree = tree, .value = value,
+                                 .pairs = traffic.pairs, .model = traffic.model,
+                                 .flows = traffic.flows, .order = traffic.order };
         self->def.road = (verge_road_def){ NULL, 0 };
     }
     return self;
+}
+
+const verge_planner_def* vg_decider_def(const verge_decider* self)
+{
+    return &self->def;
+}
+
+vg_traffic vg_decider_traffic(const verge_decider* self)
+{
+    return (vg_traffic){ self->pairs, self->model, self->flows, self->order };
 }
 
 void verge_decider_nodes(const verge_decider* self, uint32_t* nodes_peak, uint32_t* bytes_per_node)

@@ -8,9 +8,9 @@
 #include "base/scalar.h"
 #include "base/stage.h"
 #include "motion/expected.h"
+#include "motion/predictor.h"
 #include "motion/trailer.h"
 #include "traffic/advance.h"
-#include "traffic/order.h"
 
 #include <string.h>
 
@@ -39,6 +39,7 @@ struct verge_predictor {
 };
 
 static void* take(vg_arena* arena, const verge_planner_def* def);
+static void* take_own(vg_arena* arena, const verge_planner_def* def);
 static bool read_decision(verge_predictor* self, const verge_scene* scene,
                           const verge_decision* decision);
 static drift drift_of(const verge_predictor* self, const verge_vehicle* vehicle, uint32_t slot);
@@ -57,6 +58,11 @@ size_t verge_predictor_memory_size(const verge_planner_def* def)
     return vg_stage_size(def, take);
 }
 
+size_t verge_predictor_shared_memory_size(const verge_planner_def* def)
+{
+    return vg_stage_size(def, take_own);
+}
+
 verge_status verge_predictor_init(verge_predictor** predictor, const verge_planner_def* def,
                                   void* memory, size_t size)
 {
@@ -69,17 +75,44 @@ verge_status verge_predictor_init(verge_predictor** predictor, const verge_plann
     return status;
 }
 
+static void use(verge_predictor* self, const vg_traffic* traffic)
+{
+    self->pairs = traffic->pairs;
+    self->model = traffic->model;
+    self->flows = traffic->flows;
+    self->order = traffic->order;
+}
+
+verge_status vg_predictor_init_with(verge_predictor** predictor, const verge_planner_def* def,
+                                    const vg_traffic* traffic, void* memory, size_t size)
+{
+    void* stage = NULL;
+    const verge_status status = vg_stage_init(&stage, def, memory, size, take_own);
+    *predictor = stage;
+    if (status == VERGE_OK) {
+        use(*predictor, traffic);
+    }
+    return status;
+}
+
 static void* take(vg_arena* arena, const verge_planner_def* def)
 {
+    verge_predictor* self = take_own(arena, def);
+    const vg_traffic traffic = vg_traffic_take(arena, def);
+    if (self != NULL) {
+        use(self, &traffic);
+    }
+    return self;
+}
+
+// All but the traffic.
+static void* take_own(vg_arena* arena, const verge_planner_def* def)
+{
     verge_predictor* self = vg_arena_take(arena, sizeof *self);
-    vg_pairs* pairs = vg_pairs_take(arena, def->vehicles_max, def->road.lane_count);
-    vg_model* model = vg_arena_take(arena, sizeof *model);
-    vg_flow* flows = vg_arena_take(arena, 3 * sizeof *flows);
     vg_expected* expected = vg_arena_take(arena, def->controlled_max * sizeof *expected);
     drift* drifts = vg_arena_take(arena, def->vehicles_max * sizeof *drifts);
-    vg_order* order = vg_order_take(arena, def->vehicles_max);
     if (self != NULL) {
-        *self = (verge_predictor){ *def, pairs, model, flows, expected, drifts, order };
+        *self = (verge_predictor){ .def = *def, .expected = expected, .drifts = drifts };
         self->def.road = (verge_road_def){ NULL, 0 };
     }
     return self;

@@ -30,34 +30,50 @@ static void relate(vg_local* self, const struct verge_road* road);
 static void find_after(vg_local* self, const struct verge_road* road);
 static void find_matters(vg_local* self, uint32_t column);
 
-vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles, uint32_t targets)
+static size_t lanes_of(uint32_t lane_count)
 {
-    const size_t columns = targets + 1u;
+    return lane_count > 0 ? lane_count : VERGE_LANES_MAX;
+}
+
+static size_t capacity_for(uint32_t lane_count, uint32_t vehicles)
+{
     const size_t wanted = vehicles <= few_vehicles ? 7u + vehicles : VERGE_LANES_NEAR_MAX;
     const size_t most = wanted < VERGE_LANES_NEAR_MAX ? wanted : VERGE_LANES_NEAR_MAX;
-    const size_t lanes = lane_count > 0 ? lane_count : VERGE_LANES_MAX;
-    const size_t capacity = lanes < most ? lanes : most;
+    const size_t lanes = lanes_of(lane_count);
+    return lanes < most ? lanes : most;
+}
+
+vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles, uint32_t targets)
+{
+    const size_t columns = targets + 1u, capacity = capacity_for(lane_count, vehicles);
     vg_local* self = vg_arena_take(arena, sizeof *self);
     vg_local taken = {
         .capacity = (uint32_t)capacity,
         .lanes = vg_arena_take(arena, capacity * sizeof *taken.lanes),
-        .place = vg_arena_take(arena, VERGE_LANES_MAX * sizeof *taken.place),
-        .distance = vg_arena_take(arena, VERGE_LANES_MAX * sizeof *taken.distance),
+        .place = vg_arena_take(arena, lanes_of(lane_count) * sizeof *taken.place),
         .relations = vg_arena_take(arena, capacity * capacity * sizeof *taken.relations),
-        .downstream = vg_arena_take(arena, capacity * capacity * sizeof *taken.downstream),
         .after = vg_arena_take(arena, capacity * sizeof *taken.after),
         .columns = (uint32_t)columns,
         .targets = vg_arena_take(arena, columns * sizeof *taken.targets),
         .used = vg_arena_take(arena, columns * sizeof *taken.used),
         .matters = vg_arena_take(arena, columns * capacity * sizeof *taken.matters),
     };
-    vg_reach_take(&taken.reach, arena, (uint32_t)capacity);
     if (self == NULL || arena->failed) {
         return NULL;
     }
     *self = taken;
-    self->reach.local = self->place;
     return self;
+}
+
+void vg_local_take_scratch(vg_local* self, vg_arena* arena, uint32_t lane_count, uint32_t vehicles)
+{
+    const size_t capacity = capacity_for(lane_count, vehicles);
+    vg_local measured = { .capacity = 0 };
+    vg_local* to = self != NULL ? self : &measured;
+    to->distance = vg_arena_take(arena, lanes_of(lane_count) * sizeof *to->distance);
+    to->downstream = vg_arena_take(arena, capacity * capacity * sizeof *to->downstream);
+    vg_reach_take(&to->reach, arena, (uint32_t)capacity);
+    to->reach.local = to->place;
 }
 
 /// The column of a target, or the one that was not asked for for longest.

@@ -53,9 +53,7 @@ typedef struct vg_local {
     uint32_t  capacity, count;  ///< near lanes
     uint16_t* lanes;            ///< [capacity] ascending
     uint8_t*  place;            ///< [lane] place in lanes, VG_NOT_LOCAL
-    uint16_t* distance;         ///< [lane] m from the vehicles, while near lanes are chosen
     vg_relation* relations;     ///< [capacity][capacity] by place
-    vg_downstream* downstream;  ///< [capacity][capacity] by place
     uint64_t* after;            ///< [capacity] near lanes (bits by place) that are or continue it
     bool      rings;            ///< some relation has a period
     uint32_t  columns;          ///< targets that there is room for, and one for none (column 0)
@@ -65,6 +63,9 @@ typedef struct vg_local {
     uint64_t* matters;          ///< [columns][capacity] near lanes (bits by place) that a vehicle
                                 ///< on the lane takes into account: related lanes without the
                                 ///< branches that are not on its route
+    // Scratch memory, in which nothing stays from call to call of vg_local_cover().
+    uint16_t* distance;         ///< [lane] m from the vehicles
+    vg_downstream* downstream;  ///< [capacity][capacity] by place
     vg_reach_table reach;
 } vg_local;
 
@@ -75,9 +76,14 @@ typedef struct vg_source {
     bool     controlled;
 } vg_source;
 
-/// Room for scenes of so many vehicles and different targets. Near are at most VERGE_LANES_NEAR_MAX
-/// lanes, for up to 16 vehicles 7 and one a vehicle, and lane_count, 0 if it is not known.
+/// Room for scenes of so many vehicles and different targets, without scratch memory. Near are at
+/// most VERGE_LANES_NEAR_MAX lanes, for up to 16 vehicles 7 and one a vehicle, and lane_count, 0 if
+/// it is not known.
 vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles, uint32_t targets);
+/// The scratch memory, for the same numbers. The arena may be one whose memory is used for something
+/// else between two calls of vg_local_cover(). local: null with a measuring arena.
+void vg_local_take_scratch(vg_local* local, vg_arena* arena, uint32_t lane_count,
+                           uint32_t vehicles);
 
 /// Chooses the near lanes of a scene and relates them.
 void vg_local_cover(vg_local* local, const struct verge_road* road, const vg_source* sources,

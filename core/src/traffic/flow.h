@@ -95,9 +95,9 @@ typedef struct vg_pairs {
     uint32_t lanes_max; ///< of a road, 0: any
 } vg_pairs;
 
-/// Takes memory for the pairs of vehicles_max vehicles on a road of lane_count lanes, 0: not known.
-/// Null: they do not fit, or the arena is measuring.
-vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max, uint32_t lane_count);
+/// Takes memory for the pairs of the vehicles and lanes of a def, without the scratch memory of
+/// `local`. Null: they do not fit, or the arena is measuring.
+vg_pairs* vg_pairs_take(vg_arena* arena, const verge_planner_def* def);
 
 /// Does the road have no more lanes than the pairs were taken for?
 static inline bool vg_pairs_hold(const vg_pairs* pairs, const verge_road* road)

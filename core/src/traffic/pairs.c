@@ -7,14 +7,13 @@
 // Vehicles on merging lanes see each other from this distance before the lanes come close. [m]
 static const float merge_range = 40.0f;
 
-vg_pairs* vg_pairs_take(vg_arena* arena, uint32_t vehicles_max, uint32_t lane_count)
+vg_pairs* vg_pairs_take(vg_arena* arena, const verge_planner_def* def)
 {
+    const uint32_t vehicles_max = def->vehicles_max, lane_count = def->road.lane_count;
     vg_pairs* pairs = vg_arena_take(arena, sizeof *pairs);
     vg_pair* of = vg_arena_take(arena, (size_t)vehicles_max * vehicles_max * sizeof *of);
     int32_t* lane = vg_arena_take(arena, vehicles_max * sizeof *lane);
-    const uint32_t targets =
-        vehicles_max < VERGE_CONTROLLED_MAX ? vehicles_max : VERGE_CONTROLLED_MAX;
-    vg_local* local = vg_local_take(arena, lane_count, vehicles_max, targets);
+    vg_local* local = vg_local_take(arena, lane_count, vehicles_max, def->controlled_max);
     if (pairs != NULL) {
         *pairs = (vg_pairs){ vehicles_max, of, lane, local, lane_count };
     }

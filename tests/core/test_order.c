@@ -748,6 +748,42 @@ static void a_vehicle_that_stands_without_a_cause_is_found(void** state)
     world_close(w);
 }
 
+// One vehicle on a straight lane that another lane crosses twice, and three vehicles on that one.
+static world* cross_twice(uint32_t vehicles_max)
+{
+    world* w = world_open();
+    w->def.vehicles_max = vehicles_max;
+    w->def.controlled_max = 4;
+    add_straight(w, 0, 0.0, 0.0, 90.0, 0.0, -1);
+    add_curve(w, 1, (double[]){ -10.0, -20.0, 0.8 }, (double[]){ 25.0, 8.0, 0.0 }, 2);
+    add_curve(w, 2, (double[]){ 25.0, 8.0, 0.0 }, (double[]){ 60.0, -20.0, -0.8 }, -1);
+    world_build(w);
+    (void)add(w, true, 0, 3.0, 5.0, 0);
+    for (uint32_t i = 0; i < 3; ++i) {
+        (void)add(w, true, 1, 2.0 + 7.0 * i, 5.0, 2);
+    }
+    look(w);
+    return w;
+}
+
+static void areas_are_known_whatever_the_room_for_more_vehicles(void** state)
+{
+    (void)state;
+    world *exact = cross_twice(4), *more = cross_twice(VERGE_VEHICLES_MAX);
+    assert_true(exact->order->courses[0].share_count > 4); // more than there are vehicles
+    for (uint32_t slot = 0; slot < 4; ++slot) {
+        const vg_course* course = &exact->order->courses[slot];
+        assert_int_equal(course->share_count, more->order->courses[slot].share_count);
+        for (uint32_t k = 0; k < course->share_count; ++k) {
+            const vg_share* a = &exact->order->shares[slot * exact->order->shares_max + k];
+            const vg_share* b = &more->order->shares[slot * more->order->shares_max + k];
+            assert_true(a->other == b->other && a->enter == b->enter && a->leave == b->leave);
+        }
+    }
+    world_close(exact);
+    world_close(more);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -764,6 +800,7 @@ int main(void)
         cmocka_unit_test(a_driver_who_has_to_wait_and_does_not_brake_is_let_go),
         cmocka_unit_test(drivers_who_yield_to_nobody_are_not_run_into),
         cmocka_unit_test(a_vehicle_that_stands_without_a_cause_is_found),
+        cmocka_unit_test(areas_are_known_whatever_the_room_for_more_vehicles),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

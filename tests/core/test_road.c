@@ -114,7 +114,7 @@ static void world_free(world* w)
     free(w);
 }
 
-static const vg_relation* relation(const world* w, uint32_t a, uint32_t b)
+static vg_relation relation(const world* w, uint32_t a, uint32_t b)
 {
     return vg_local_relation(w->local, a, b);
 }
@@ -315,7 +315,7 @@ static void test_a_coarse_circle_is_a_circle(void** state)
             CHECK_NEAR(hypot(at.x, at.y), 8.0, tolerance);
             CHECK_NEAR(at.curvature, 0.125, 0.015);
         }
-        CHECK_NEAR(relation(w, 0, 0)->period, lane->length, 0.01);
+        CHECK_NEAR(relation(w, 0, 0).period, lane->length, 0.01);
         world_free(w);
     }
 }
@@ -430,7 +430,7 @@ static void test_neighbours_share_stations_and_know_their_gaps(void** state)
     assert_false(main->dead_end);
     assert_int_equal(vg_road_turn(w->road, 1, 0), -1);
     assert_int_equal(vg_road_changes(w->road, 1, 0), 1);
-    assert_int_equal(relation(w, 0, 1)->kind, VG_SAME_BUNDLE);
+    assert_int_equal(relation(w, 0, 1).kind, VG_SAME_BUNDLE);
     assert_int_equal(conflict_count(w), 0);
     world_free(w);
 }
@@ -506,12 +506,12 @@ static void test_a_merge_aligns_both_lanes_at_its_point(void** state)
     leads_to(w, 2, 1);
     build(w);
     const vg_lane *main = &w->road->lanes[0], *ramp = &w->road->lanes[2];
-    const vg_relation* merging = relation(w, 0, 2);
-    assert_int_equal(relation(w, 0, 1)->kind, VG_DOWNSTREAM);
-    assert_int_equal(relation(w, 1, 2)->kind, VG_UPSTREAM);
-    assert_int_equal(merging->kind, VG_MERGING);
-    CHECK_NEAR(ramp->station_end + (double)merging->offset, main->station_end, 0.01);
-    CHECK_BETWEEN(merging->touch, 150.0, 180.0); // 2.6 m apart there
+    const vg_relation merging = relation(w, 0, 2);
+    assert_int_equal(relation(w, 0, 1).kind, VG_DOWNSTREAM);
+    assert_int_equal(relation(w, 1, 2).kind, VG_UPSTREAM);
+    assert_int_equal(merging.kind, VG_MERGING);
+    CHECK_NEAR(ramp->station_end + (double)merging.offset, main->station_end, 0.01);
+    CHECK_BETWEEN(merging.touch, 150.0, 180.0); // 2.6 m apart there
     assert_int_equal(conflict_count(w), 0);
 
     const vg_lane* after = &w->road->lanes[1];
@@ -537,7 +537,7 @@ static void test_after_a_diverge_the_branch_not_taken_is_ignored(void** state)
     leads_to(w, 0, 1);
     leads_to(w, 0, 2);
     build(w);
-    assert_int_equal(relation(w, 1, 2)->kind, VG_UNRELATED);
+    assert_int_equal(relation(w, 1, 2).kind, VG_UNRELATED);
     assert_int_equal(verge_road_next(w->road, 0, 2), 2);
     assert_int_equal(verge_road_next(w->road, 0, 1), 1);
     assert_int_equal(verge_road_next(w->road, 0, VERGE_NO_LANE), 1);
@@ -600,15 +600,15 @@ static void test_a_ring_of_four_arcs_is_closed(void** state)
     }
     CHECK_NEAR(round, 24.0 * VG_PI, 0.3);
     for (uint32_t i = 0; i < 4; ++i) {
-        CHECK_NEAR(relation(w, i, (i + 1) % 4)->period, round, 0.01);
-        assert_int_equal(relation(w, i, (i + 1) % 4)->kind, VG_DOWNSTREAM);
-        assert_int_equal(relation(w, i, (i + 3) % 4)->kind, VG_UPSTREAM);
+        CHECK_NEAR(relation(w, i, (i + 1) % 4).period, round, 0.01);
+        assert_int_equal(relation(w, i, (i + 1) % 4).kind, VG_DOWNSTREAM);
+        assert_int_equal(relation(w, i, (i + 3) % 4).kind, VG_UPSTREAM);
         assert_int_equal(w->road->lanes[i].dead_end, false);
     }
-    assert_int_equal(relation(w, 4, 0)->kind, VG_DOWNSTREAM);
-    assert_int_equal(relation(w, 4, 3)->kind, VG_MERGING);
-    CHECK_NEAR(relation(w, 4, 3)->period, 0.0, 0.0);
-    CHECK_NEAR(w->road->lanes[3].station_end + (double)relation(w, 4, 3)->offset,
+    assert_int_equal(relation(w, 4, 0).kind, VG_DOWNSTREAM);
+    assert_int_equal(relation(w, 4, 3).kind, VG_MERGING);
+    CHECK_NEAR(relation(w, 4, 3).period, 0.0, 0.0);
+    CHECK_NEAR(w->road->lanes[3].station_end + (double)relation(w, 4, 3).offset,
                w->road->lanes[4].station_end, 0.01);
     world_free(w);
 }
@@ -640,9 +640,9 @@ static void test_routes_take_the_fewest_changes_and_go_on_across_sections(void**
     assert_true(w->road->lanes[2].dead_end); // its neighbour goes on
     assert_false(w->road->lanes[3].dead_end);
     assert_false(w->road->lanes[4].dead_end); // no lane beside it continues
-    assert_int_equal(relation(w, 0, 3)->kind, VG_DOWNSTREAM);
-    CHECK_NEAR(relation(w, 0, 3)->offset, 300.0, 0.01);
-    CHECK_NEAR((double)relation(w, 0, 3)->lateral + (double)w->road->lanes[3].bins[0].lateral
+    assert_int_equal(relation(w, 0, 3).kind, VG_DOWNSTREAM);
+    CHECK_NEAR(relation(w, 0, 3).offset, 300.0, 0.01);
+    CHECK_NEAR((double)relation(w, 0, 3).lateral + (double)w->road->lanes[3].bins[0].lateral
                    - (double)w->road->lanes[0].bins[0].lateral, 3.5, 0.01);
     world_free(w);
 }

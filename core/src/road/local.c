@@ -20,9 +20,9 @@ static const double across = 10.0;            // to a lane that crosses or merge
 static const double distance_step = 50.0;
 
 enum { NO_TARGET = -1, FREE = -2 };
-// An on-vehicle unit has few vehicles and little memory: 7 lanes, and one more per vehicle, are
-// near.
-enum { few_vehicles = 16 };
+// An on-vehicle unit has few vehicles and little memory, so fewer lanes are near. A crossing of four
+// arms has 20.
+enum { few_vehicles = 16, few_lanes = 24 };
 
 static void choose_lanes(vg_local* self, const struct verge_road* road, const vg_source* sources,
                          uint32_t count);
@@ -37,7 +37,7 @@ static size_t lanes_of(uint32_t lane_count)
 
 static size_t capacity_for(uint32_t lane_count, uint32_t vehicles)
 {
-    const size_t wanted = vehicles <= few_vehicles ? 7u + vehicles : VERGE_LANES_NEAR_MAX;
+    const size_t wanted = vehicles <= few_vehicles ? few_lanes : VERGE_LANES_NEAR_MAX;
     const size_t most = wanted < VERGE_LANES_NEAR_MAX ? wanted : VERGE_LANES_NEAR_MAX;
     const size_t lanes = lanes_of(lane_count);
     return lanes < most ? lanes : most;
@@ -51,7 +51,9 @@ vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles,
         .capacity = (uint32_t)capacity,
         .lanes = vg_arena_take(arena, capacity * sizeof *taken.lanes),
         .place = vg_arena_take(arena, lanes_of(lane_count) * sizeof *taken.place),
-        .relations = vg_arena_take(arena, capacity * capacity * sizeof *taken.relations),
+        .links = vg_arena_take(arena, capacity * capacity * sizeof *taken.links),
+        .kinds = vg_arena_take(arena, capacity * capacity * sizeof *taken.kinds),
+        .ring = vg_arena_take(arena, capacity * sizeof *taken.ring),
         .after = vg_arena_take(arena, capacity * sizeof *taken.after),
         .columns = (uint32_t)columns,
         .targets = vg_arena_take(arena, columns * sizeof *taken.targets),
@@ -256,7 +258,7 @@ static vg_relation merging(const vg_local* self, const struct verge_road* road, 
             best = cost;
             relation = (vg_relation){ .offset = from_a[c].offset - from_b[c].offset,
                                       .lateral = from_a[c].lateral - from_b[c].lateral,
-                                      .touch = (float)VG_HUGE, .kind = VG_MERGING };
+                                      .kind = VG_MERGING };
         }
     }
     for (uint32_t c = 0; c < self->count && relation.kind == VG_MERGING; ++c) {
@@ -269,7 +271,25 @@ static vg_relation merging(const vg_local* self, const struct verge_road* road, 
     if (merge != NULL) { // they come close before: then it is known better
         relation.offset = merge->offset;
         relation.lateral = merge->lateral;
-        relation.touch = merge->touch;
+    }
+    return relation;
+}
+
+vg_relation vg_local_relation(const vg_local* self, uint32_t a, uint32_t b)
+{
+    VERGE_ASSERT(a < VERGE_LANES_MAX && b < VERGE_LANES_MAX);
+    const uint32_t at = self->place[a], to = self->place[b];
+    if (at == VG_NOT_LOCAL || to == VG_NOT_LOCAL) {
+        return (vg_relation){ .kind = VG_UNRELATED };
+    }
+    const vg_link* link = &self->links[at * self->capacity + to];
+    const uint8_t kind = self->kinds[at * self->capacity + to];
+    vg_relation relation = { .offset = link->offset, .lateral = link->lateral,
+                             .period = (kind & VG_ROUND) != 0 ? self->ring[at] : 0.0f,
+                             .touch = (float)-VG_HUGE, .kind = kind & (uint8_t)~VG_ROUND };
+    if (relation.kind == VG_MERGING) {
+        const vg_merge* merge = merge_of(self->road, a, b);
+        relation.touch = merge != NULL ? merge->touch : (float)VG_HUGE;
     }
     return relation;
 }
@@ -277,26 +297,26 @@ static vg_relation merging(const vg_local* self, const struct verge_road* road, 
 /// The nearest kind of relation of b as seen from a. ring: [m] length of the ring through both, 0
 /// none.
 static vg_relation relation_of(const vg_local* self, const struct verge_road* road, uint32_t a,
-                               uint32_t b, double ring)
+                               uint32_t b, float ring)
 {
     const vg_downstream* down = &self->downstream[a * self->capacity + b];
     const vg_downstream* up = &self->downstream[b * self->capacity + a];
-    vg_relation relation = { .kind = VG_UNRELATED, .touch = (float)-VG_HUGE };
+    vg_relation relation = { .kind = VG_UNRELATED };
     const float never = (float)VG_HUGE;
     if (road->lanes[self->lanes[a]].bundle == road->lanes[self->lanes[b]].bundle) {
         relation.kind = VG_SAME_BUNDLE;
-        relation.period = (float)ring;
+        relation.period = ring;
         return relation;
     }
     if (down->cost < never && down->cost <= up->cost) {
         relation = (vg_relation){ .offset = down->offset, .lateral = down->lateral,
-                                  .touch = (float)-VG_HUGE, .kind = VG_DOWNSTREAM };
+                                  .kind = VG_DOWNSTREAM };
     } else if (up->cost < never) {
         relation = (vg_relation){ .offset = -up->offset, .lateral = -up->lateral,
-                                  .touch = (float)-VG_HUGE, .kind = VG_UPSTREAM };
+                                  .kind = VG_UPSTREAM };
     }
-    if (ring > 0.0 && down->cost < never && up->cost < never) {
-        relation.period = (float)ring;
+    if (ring > 0.0f && down->cost < never && up->cost < never) {
+        relation.period = ring;
         return relation;
     }
     const float best = down->cost < up->cost ? down->cost : up->cost;
@@ -306,11 +326,10 @@ static vg_relation relation_of(const vg_local* self, const struct verge_road* ro
 
 static void relate(vg_local* self, const struct verge_road* road)
 {
-    double ring[VERGE_LANES_NEAR_MAX];
     const size_t stride = self->capacity;
     vg_reach_clear(&self->reach);
     for (uint32_t a = 0; a < self->count; ++a) {
-        ring[a] = vg_reach_walk(&self->reach, road, self->lanes[a]);
+        self->ring[a] = (float)vg_reach_walk(&self->reach, road, self->lanes[a]);
         for (uint32_t b = 0; b < self->count; ++b) {
             const vg_reach* down = vg_reach_of(&self->reach, self->lanes[b]);
             self->downstream[a * stride + b] = (vg_downstream){
@@ -322,10 +341,13 @@ static void relate(vg_local* self, const struct verge_road* road)
         for (uint32_t b = 0; b < self->count; ++b) {
             const bool same =
                 road->lanes[self->lanes[a]].bundle == road->lanes[self->lanes[b]].bundle;
-            const bool round = same || (ring[a] > 0.0 && ring[b] > 0.0);
-            vg_relation* relation = &self->relations[a * stride + b];
-            *relation = relation_of(self, road, a, b, round ? ring[a] : 0.0);
-            self->rings = self->rings || relation->period > 0.0f;
+            const bool round = same || (self->ring[a] > 0.0f && self->ring[b] > 0.0f);
+            const vg_relation found =
+                relation_of(self, road, a, b, round ? self->ring[a] : 0.0f);
+            self->links[a * stride + b] = (vg_link){ found.offset, found.lateral };
+            self->kinds[a * stride + b] =
+                (uint8_t)(found.kind | (found.period > 0.0f ? VG_ROUND : 0));
+            self->rings = self->rings || found.period > 0.0f;
         }
     }
 }
@@ -389,7 +411,7 @@ static void find_matters(vg_local* self, uint32_t column)
         uint64_t set = 0;
         for (uint32_t b = 0; b < self->count; ++b) {
             const uint64_t bit = (uint64_t)1 << b;
-            const uint8_t kind = self->relations[a * self->capacity + b].kind;
+            const uint8_t kind = self->kinds[a * self->capacity + b] & (uint8_t)~VG_ROUND;
             const bool matters = kind == VG_SAME_BUNDLE || kind == VG_UPSTREAM
                                  || (kind == VG_DOWNSTREAM && (passed & bit) != 0)
                                  || (kind == VG_MERGING && (self->after[b] & ~bit & passed) != 0);

@@ -47,13 +47,21 @@ typedef struct vg_downstream {
     float cost, offset, lateral; ///< [m] see vg_reach
 } vg_downstream;
 
+/// What of a relation is stored for each pair of near lanes.
+typedef struct vg_link {
+    float offset, lateral; ///< [m] see vg_relation
+} vg_link;
+enum { VG_ROUND = 128 }; ///< added to a kind: both lanes are on one ring
+
 typedef struct vg_local {
     const struct verge_road* road; ///< of the last scene, and its fingerprint
     uint64_t  fingerprint;
     uint32_t  capacity, count;  ///< near lanes
     uint16_t* lanes;            ///< [capacity] ascending
     uint8_t*  place;            ///< [lane] place in lanes, VG_NOT_LOCAL
-    vg_relation* relations;     ///< [capacity][capacity] by place
+    vg_link*  links;            ///< [capacity][capacity] by place: of vg_relation
+    uint8_t*  kinds;            ///< [capacity][capacity] by place: vg_relation_kind, and VG_ROUND
+    float*    ring;             ///< [capacity] [m] length of the ring through a lane, 0: none
     uint64_t* after;            ///< [capacity] near lanes (bits by place) that are or continue it
     bool      rings;            ///< some relation has a period
     uint32_t  columns;          ///< targets that there is room for, and one for none (column 0)
@@ -77,7 +85,7 @@ typedef struct vg_source {
 } vg_source;
 
 /// Room for scenes of so many vehicles and different targets, without scratch memory. Near are at
-/// most VERGE_LANES_NEAR_MAX lanes, for up to 16 vehicles 7 and one a vehicle, and lane_count, 0 if
+/// most VERGE_LANES_NEAR_MAX lanes, 24 for up to 16 vehicles, and lane_count, 0 if
 /// it is not known.
 vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles, uint32_t targets);
 /// The scratch memory, for the same numbers. The arena may be one whose memory is used for something
@@ -94,13 +102,16 @@ void vg_local_cover(vg_local* local, const struct verge_road* road, const vg_sou
 uint32_t vg_local_column(vg_local* local, int32_t target);
 
 /// How a vehicle on lane b appears to one on lane a; kind VG_UNRELATED where one is not near.
-static inline const vg_relation* vg_local_relation(const vg_local* local, uint32_t a, uint32_t b)
+vg_relation vg_local_relation(const vg_local* local, uint32_t a, uint32_t b);
+
+/// The length of the ring that both lanes are on, 0: they are not on one. [m]
+static inline float vg_local_ring(const vg_local* local, uint32_t a, uint32_t b)
 {
     VERGE_ASSERT(a < VERGE_LANES_MAX && b < VERGE_LANES_MAX);
-    static const vg_relation unrelated = { .kind = VG_UNRELATED };
     const uint32_t at = local->place[a], to = local->place[b];
-    return at == VG_NOT_LOCAL || to == VG_NOT_LOCAL ? &unrelated
-                                                    : &local->relations[at * local->capacity + to];
+    const bool near = at != VG_NOT_LOCAL && to != VG_NOT_LOCAL;
+    return near && (local->kinds[at * local->capacity + to] & VG_ROUND) != 0 ? local->ring[at]
+                                                                             : 0.0f;
 }
 
 /// Has a vehicle on `lane` with this target to look at those on `other`?

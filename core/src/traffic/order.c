@@ -36,11 +36,12 @@ static void bind(vg_order* self, const vg_model* model);
 
 // ---------------------------------------------------------------------------- memory
 
-vg_order* vg_order_take(vg_arena* arena, uint32_t vehicles_max)
+void vg_order_take(vg_order* self, vg_arena* arena, uint32_t vehicles_max)
 {
-    const uint32_t shares_max = vehicles_max < VG_SHARES_MAX ? vehicles_max : VG_SHARES_MAX;
-    vg_order* self = vg_arena_take(arena, sizeof *self);
-    vg_order taken = {
+    // As many as there can be, so no result depends on the room for more vehicles.
+    const uint32_t of_all = VG_PAIR_SHARES_MAX * (vehicles_max - 1u);
+    const uint32_t shares_max = of_all < VG_SHARES_MAX ? of_all : VG_SHARES_MAX;
+    const vg_order taken = {
         .vehicles_max = vehicles_max,
         .shares_max = shares_max,
         .courses = vg_arena_take(arena, vehicles_max * sizeof *taken.courses),
@@ -50,11 +51,9 @@ vg_order* vg_order_take(vg_arena* arena, uint32_t vehicles_max)
         .rank = vg_arena_take(arena, vehicles_max * sizeof *taken.rank),
         .through = vg_arena_take(arena, VERGE_LANES_NEAR_MAX * sizeof *taken.through),
     };
-    if (self == NULL || arena->failed) {
-        return NULL;
+    if (self != NULL) {
+        *self = taken;
     }
-    *self = taken;
-    return self;
 }
 
 // Is there anything to order?
@@ -162,7 +161,7 @@ static void find_route(vg_course* course, const vg_model* model, const vg_flow* 
 
 static bool on_one_ring(const vg_model* model, uint32_t a, uint32_t b)
 {
-    return vg_local_relation(model->pairs->local, a, b)->period > 0.0f;
+    return vg_local_ring(model->pairs->local, a, b) > 0.0f;
 }
 
 // Where the route joins a ring from outside: where bodies could first touch those on it.
@@ -274,16 +273,35 @@ float vg_order_position(const vg_model* model, const vg_flow* flow, uint32_t slo
 
 // ---------------------------------------------------------------------------- shared areas
 
+// The area that a new one with slot `other` takes the place of: the farthest with this slot if
+// there are VG_PAIR_SHARES_MAX, else the farthest of all if there is no room, else the end.
+static uint32_t replaced_share(const vg_order* self, uint32_t slot, uint32_t other)
+{
+    const uint32_t count = self->courses[slot].share_count;
+    const vg_share* shares = &self->shares[slot * self->shares_max];
+    uint32_t with_other = 0, farthest = count;
+    for (uint32_t k = 0; k < count; ++k) {
+        if (shares[k].other == other) {
+            farthest = k;
+            ++with_other;
+        }
+    }
+    if (with_other == VG_PAIR_SHARES_MAX) {
+        return farthest;
+    }
+    return count == self->shares_max ? count - 1u : count;
+}
+
 void vg_order_share(vg_order* self, uint32_t slot, const vg_share* share)
 {
     vg_course* course = &self->courses[slot];
     vg_share* shares = &self->shares[slot * self->shares_max];
-    uint32_t at = course->share_count;
-    if (at == self->shares_max) {
-        if (at == 0 || shares[at - 1u].enter <= share->enter) {
+    VERGE_ASSERT(self->shares_max > 0); // there is another vehicle
+    uint32_t at = replaced_share(self, slot, share->other);
+    if (at < course->share_count) {
+        if (shares[at].enter <= share->enter) {
             return;
         }
-        --at;
     } else {
         ++course->share_count;
     }
@@ -601,7 +619,7 @@ static void wall_of_ring(const vg_model* model, const vg_flow* flow, uint32_t sl
             last = (int32_t)k;
         }
     }
-    const float ring = vg_local_relation(model->pairs->local, lane, lane)->period;
+    const float ring = vg_local_ring(model->pairs->local, lane, lane);
     if (taken > ring && last >= 0) {
         take_wall(wall, course->ring_enter - VG_STOP_BEFORE, r, VERGE_WHY_EXIT, last,
                   course->ring_lane);

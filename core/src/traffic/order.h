@@ -47,6 +47,7 @@ extern "C" {
 enum {
     VG_LEGS_MAX = VG_WALK_LANES + 1, ///< lanes of a route
     VG_SHARES_MAX = 48,              ///< areas that one vehicle shares with others
+    VG_PAIR_SHARES_MAX = 2,          ///< areas that it shares with one other
     VG_BOXES_MAX = 3,                ///< crossings of one route that are kept clear
 };
 
@@ -133,9 +134,9 @@ typedef struct vg_order {
     uint64_t   signs;      ///< slots (bits) that have yet to stop at a stop sign
 } vg_order;
 
-/// Takes memory for the order of def->vehicles_max vehicles. Null: it does not fit, or the arena is
-/// measuring.
-vg_order* vg_order_take(vg_arena* arena, uint32_t vehicles_max);
+/// Takes the arrays of an order of vehicles_max vehicles. Nothing stays in them from scene to scene.
+/// order: null with a measuring arena.
+void vg_order_take(vg_order* order, vg_arena* arena, uint32_t vehicles_max);
 
 /// The order of a scene, from the arrival times kept in `turns` (may be null: nothing is kept).
 /// It becomes model->order.
@@ -206,8 +207,8 @@ static inline float vg_leg_start(const vg_route_leg* leg, const verge_road* road
     return vg_on_leg(leg, (float)road->lanes[leg->lane].station_start);
 }
 
-/// Adds an area to those of a slot. Where there are more than there is room for, the nearest ones
-/// are kept.
+/// Adds an area to those of a slot. Where there are more than VG_SHARES_MAX, or more than
+/// VG_PAIR_SHARES_MAX with one other, the nearest ones are kept.
 void vg_order_share(vg_order* order, uint32_t slot, const vg_share* share);
 
 // ---------------------------------------------------------------------------- progress.c

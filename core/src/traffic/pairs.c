@@ -25,13 +25,13 @@ static void relate(const vg_model* model, const vg_flow* flow, uint32_t seen, ui
     const vg_local* local = model->pairs->local;
     const uint32_t from = (uint32_t)flow->lane[observer];
     const uint32_t to = (uint32_t)flow->lane[seen];
-    const vg_relation* relation = vg_local_relation(local, from, to);
+    const vg_relation relation = vg_local_relation(local, from, to);
     const bool visible = vg_local_matters(local, model->column[observer], from, to);
     model->pairs->of[observer * model->pairs->stride + seen] = (vg_pair){
-        .offset = visible ? relation->offset : VG_FAR_AWAY,
-        .lateral = relation->lateral,
-        .touch = relation->kind == VG_MERGING ? relation->touch : -VG_FAR_AWAY,
-        .period = visible ? relation->period : 0.0f,
+        .offset = visible ? relation.offset : VG_FAR_AWAY,
+        .lateral = relation.lateral,
+        .touch = relation.kind == VG_MERGING ? relation.touch : -VG_FAR_AWAY,
+        .period = visible ? relation.period : 0.0f,
     };
 }
 

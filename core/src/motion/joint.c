@@ -56,7 +56,7 @@ uint64_t vg_trajectories_run(vg_workspace* const* workspaces, const vg_job* jobs
         replace_prediction(workspaces[i], &jobs[i], tracks);
     }
 
-    uint32_t order[VERGE_CONTROLLED_MAX];
+    uint32_t order[VERGE_CONTROLLED_MAX + 1]; // without the 1, gcc 12 warns where the capacity is 1
     front_first(jobs, job_count, order);
     bool changed = true;
     for (uint32_t pass = 0; pass < passes_max && changed; ++pass) {

@@ -31,7 +31,7 @@ typedef struct trace {
 } trace;
 
 static bool can_resume(const vg_job* job);
-static void trace_of(trace* self, const verge_vehicle_plan* plan, double rear_axle);
+static double trace_of(trace* self, const verge_vehicle_plan* plan, double rear_axle);
 static bool is_smooth(const trace* from, double point_s);
 static void build(vg_path* path, const trace* from, double length);
 static double at_time(const vg_job* job, double t, uint32_t* k);
@@ -49,13 +49,12 @@ bool vg_resume_path(vg_path* path, vg_state* state, const vg_job* job, const vg_
         return false;
     }
     trace from;
-    trace_of(&from, job->before, rear_axle);
-    const uint32_t last = from.count - 1;
-    if (from.distance[last] < length_min || from.distance[last] > length_max
-        || !is_smooth(&from, job->def->point_s)) {
+    const double length = trace_of(&from, job->before, rear_axle);
+    if (length < length_min || length > length_max || !is_smooth(&from, job->def->point_s)) {
         return false;
     }
-    build(path, &from, from.distance[last] + from.at[last].speed * job->before_age + beyond);
+    const double speed = from.at[from.count - 1].speed;
+    build(path, &from, length + speed * job->before_age + beyond);
     path->anchor = job->lane;
 
     uint32_t k;
@@ -111,10 +110,11 @@ static bool can_resume(const vg_job* job)
     return usable;
 }
 
-static void trace_of(trace* self, const verge_vehicle_plan* plan, double rear_axle)
+/// Returns the length. [m]
+static double trace_of(trace* self, const verge_vehicle_plan* plan, double rear_axle)
 {
+    double length = 0.0;
     self->count = plan->point_count;
-    self->distance[0] = 0.0;
     for (uint32_t k = 0; k < self->count; ++k) {
         const verge_point* p = &plan->points[k];
         const vg_motion centre = { p->x, p->y, p->heading, p->speed, p->acceleration,
@@ -125,10 +125,11 @@ static void trace_of(trace* self, const verge_vehicle_plan* plan, double rear_ax
             const double x = self->at[k].x - self->at[k - 1].x;
             const double y = self->at[k].y - self->at[k - 1].y;
             const double turn = vg_wrap_angle(self->at[k].heading - self->at[k - 1].heading);
-            self->distance[k] =
-                self->distance[k - 1] + vg_sqrt(x * x + y * y) * (1.0 + turn * turn / 24.0);
+            length += vg_sqrt(x * x + y * y) * (1.0 + turn * turn / 24.0);
         }
+        self->distance[k] = length;
     }
+    return length;
 }
 
 /// Does each point follow from the one before? Between two points the rear axle moves in the mean

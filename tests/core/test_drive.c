@@ -187,6 +187,32 @@ static void one_beside_blocks_a_change_until_there_is_a_gap(void** state)
     }
 }
 
+// What the first of three vehicles loses, by the speed of the second. The third drives at 12 m/s.
+static double loss_behind(double v, bool third)
+{
+    stage* at = stage_open_best(1, 1900.0);
+    at->lanes[0].speed_limit = 20.0;
+    stage_build(at);
+    stage_add(at, true, 0, 100.0, 0.0, 12.0, -1);
+    stage_add(at, true, 0, 150.0, 0.0, v, -1);
+    if (third) {
+        stage_add(at, false, 0, 210.0, 0.0, 12.0, -1);
+    }
+    stage_begin(at);
+    const double loss = (double)vg_flow_loss(&at->scene, &at->root, 0, 0.0f);
+    stage_close(at);
+    return loss;
+}
+
+static void a_planned_vehicle_ahead_is_soon_as_slow_as_the_one_before_it(void** state)
+{
+    (void)state;
+    for (double v = 12.0; v <= 20.0; v += 2.0) {
+        CHECK_BETWEEN(loss_behind(v, true) - loss_behind(12.0, true), -1.0, 1.0);
+        CHECK_AT_MOST(loss_behind(v, false), loss_behind(12.0, false) - 1.2 * (v - 12.0));
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -197,6 +223,7 @@ int main(void)
         cmocka_unit_test(before_the_end_of_a_lane_a_vehicle_stops_with_room_to_leave_it),
         cmocka_unit_test(a_legal_change_costs_the_one_behind_no_hard_braking),
         cmocka_unit_test(one_beside_blocks_a_change_until_there_is_a_gap),
+        cmocka_unit_test(a_planned_vehicle_ahead_is_soon_as_slow_as_the_one_before_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -124,6 +124,25 @@ vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i,
     return self.found;
 }
 
+uint64_t vg_all_ahead(const vg_model* model, const vg_flow* flow, uint32_t i,
+                      float gaps[VERGE_VEHICLES_MAX])
+{
+    VERGE_ASSERT(i < model->count);
+    uint64_t found = 0;
+    for (uint32_t j = 0; j < model->count; ++j) {
+        const float width = model->half_width[i] + model->half_width[j] + VG_PATH_GAP;
+        if (j == i || vg_fabsf(vg_gap_left(model, i, j, flow->y[i], flow->y[j])) >= width
+            || !is_visible(model, flow, i, j)) {
+            continue;
+        }
+        const float ds = vg_gap_along(model, i, j, flow->rate[i], flow->station[i],
+                                      flow->station[j]);
+        gaps[j] = ds - model->half_length[j];
+        found |= ds > 0.0f && gaps[j] < VG_FAR_AWAY ? (uint64_t)1 << j : 0;
+    }
+    return found;
+}
+
 void vg_flow_neighbours(const vg_model* model, const vg_flow* flow, uint32_t slot, int32_t* ahead,
                         int32_t* behind)
 {

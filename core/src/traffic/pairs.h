@@ -27,6 +27,11 @@ void vg_pairs_update(const vg_model* model, const vg_flow* flow);
 vg_neighbours vg_nearest(const vg_model* model, const vg_flow* flow, uint32_t i, float station,
                          float y, const float* stations, const float* v, float free_ahead);
 
+/// All vehicles ahead in the path of slot i (bits), with the distances from its centre to their rear
+/// ends. [m]
+uint64_t vg_all_ahead(const vg_model* model, const vg_flow* flow, uint32_t i,
+                      float gaps[VERGE_VEHICLES_MAX]);
+
 /// Slots of the nearest vehicles in the path of this one, -1 none.
 void vg_flow_neighbours(const vg_model* model, const vg_flow* flow, uint32_t slot, int32_t* ahead,
                         int32_t* behind);

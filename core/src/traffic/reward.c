@@ -152,6 +152,23 @@ static float blocked_loss(const vg_model* model, const vg_flow* flow, uint32_t s
     return better < 0 ? 0.0f : vg_drive_blocked(model, flow, slot, better == 1);
 }
 
+// Time lost behind the vehicles ahead. A planned one is soon as slow as those ahead of it. [s]
+static float delay_ahead(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                         const vg_neighbours* w)
+{
+    float delay = vg_drive_delay(model, flow, slot, w), gaps[VERGE_VEHICLES_MAX];
+    if (w->ahead < 0 || w->ahead >= (int32_t)model->controlled_count) {
+        return delay;
+    }
+    for (uint64_t set = vg_all_ahead(model, flow, slot, gaps); set != 0; set &= set - 1u) {
+        const uint32_t j = (uint32_t)__builtin_ctzll(set);
+        const vg_neighbours other = { .gap_ahead = gaps[j], .v_ahead = flow->v[j],
+                                      .ahead = (int32_t)j, .behind = -1 };
+        delay = vg_maxf(delay, vg_drive_delay(model, flow, slot, &other));
+    }
+    return delay;
+}
+
 float vg_flow_loss(const vg_model* model, const vg_flow* flow, uint32_t slot, float t)
 {
     VERGE_ASSERT(slot < model->controlled_count && model->value != NULL);
@@ -167,7 +184,7 @@ float vg_flow_loss(const vg_model* model, const vg_flow* flow, uint32_t slot, fl
     const float between = vg_minf(vg_fabsf(flow->d[slot]) / half_lane, 1.0f);
     return t + vg_value_at(model->value, slot, lane, flow->station[slot])
            + speed_loss(model, flow, slot, wanted) + between_cost * between
-           + vg_drive_delay(model, flow, slot, &w) + blocked_loss(model, flow, slot)
+           + delay_ahead(model, flow, slot, &w) + blocked_loss(model, flow, slot)
            + model->gap_weight[slot] * follower_loss(&w, half, flow->v[slot]);
 }
 

@@ -725,6 +725,53 @@ static void drivers_who_yield_to_nobody_are_not_run_into(void** state)
     }
 }
 
+// One vehicle on a ring has its rear `past` a place from which bodies touch those that come in. The
+// other one has its front `before` that place. Returns where it has to stop, from there. [m]
+static double wall_beside(double before, double v, double past, double u)
+{
+    const double half = 2.25;
+    world* w = roundabout(20.0);
+    add(w, true, 11, 1.0, v, 53);
+    add(w, true, 31, 1.0, u, 53);
+    look(w);
+    const vg_share* area = w->order->shares;
+    assert_int_equal(w->order->courses[0].share_count, 1);
+    assert_int_equal(area->kind, VG_SHARE_MERGE);
+    w->positions[0].s += area->enter - half - before;
+    w->positions[1].s += area->other_enter + half + past;
+    place(w, 0);
+    place(w, 1);
+    look(w);
+    assert_int_equal(w->order->rank[0], 1);
+    const double wall = vg_order_wall(&w->model, &w->flow, 0) - half - before;
+    world_close(w);
+    return wall;
+}
+
+// Unless it has to wait before the area, its nose comes half a second after the rear of the other
+// one, even with an acceleration of 1.5 m/s^2. It waits for at most 2.2 m more than that.
+static void where_lanes_meet_at_an_angle_a_nose_comes_half_a_second_after_the_rear(void** state)
+{
+    (void)state;
+    uint32_t enters = 0, waits = 0;
+    for (double before = 4.0; before <= 9.0; before += 1.0) {
+        for (double v = 1.0; v * v < 6.0 * (before - 1.5) && v < 5.0; v += 1.0) {
+            for (double u = 4.0; u <= 8.0; u += 1.0) {
+                const double arrives = (sqrt(v * v + 3.0 * before) - v) / 1.5;
+                for (double past = -7.0; past <= 3.0; past += 0.5) {
+                    const double later = arrives + past / u; // than the rear
+                    const bool line = wall_beside(before, v, past, u) < -2.9;
+                    assert_false(!line && later < 0.5);
+                    const double beside = past - 2.0 + before + (u - v) * before / v;
+                    assert_false(line && later > 0.5 + 2.2 / u && beside > 0.0);
+                    *(line ? &waits : &enters) += 1;
+                }
+            }
+        }
+    }
+    assert_true(enters > 100 && waits > 100);
+}
+
 // A vehicle that has nothing to wait for and stands is found after three seconds, named and helped.
 static void a_vehicle_that_stands_without_a_cause_is_found(void** state)
 {
@@ -799,6 +846,7 @@ int main(void)
         cmocka_unit_test(priority_goes_before_arrival),
         cmocka_unit_test(a_driver_who_has_to_wait_and_does_not_brake_is_let_go),
         cmocka_unit_test(drivers_who_yield_to_nobody_are_not_run_into),
+        cmocka_unit_test(where_lanes_meet_at_an_angle_a_nose_comes_half_a_second_after_the_rear),
         cmocka_unit_test(a_vehicle_that_stands_without_a_cause_is_found),
         cmocka_unit_test(areas_are_known_whatever_the_room_for_more_vehicles),
     };

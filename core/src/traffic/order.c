@@ -25,6 +25,10 @@ static const float braking_box = 3.0f;
 // A planned vehicle enters a crossing this long after one that is not planned has left it, with the
 // acceleration from the line. [s], [m/s^2]
 static const float behind_others = 1.0f, starting = 1.5f;
+// Where lanes lead to a ring at a larger angle, a nose crosses the path of the body that goes
+// first, and comes this long after it, if that one is planned. Cosine of 0.5 rad. [1], [s]
+static const double steep_cosine = 0.87758;
+static const float behind_planned = 0.5f;
 
 static_assert(VERGE_VEHICLES_MAX <= 255 && VG_SHARES_MAX <= 255 && VG_LEGS_MAX <= 255,
               "slots, ranks and counts are bytes");
@@ -324,7 +328,7 @@ static void share(vg_order* self, const vg_model* model, const vg_flow* flow, ui
         .enter = area->other_enter, .leave = area->other_leave,
         .other_enter = area->enter, .other_leave = area->leave,
         .lane = area->other_lane, .other_lane = area->lane,
-        .other = (uint8_t)i, .kind = area->kind,
+        .other = (uint8_t)i, .kind = area->kind, .steep = area->steep,
     };
     vg_order_share(self, i, area);
     vg_order_share(self, j, &back);
@@ -378,6 +382,20 @@ static float touch_of(const verge_road* road, uint32_t a, uint32_t b)
     return (float)road->lanes[a].station_end;
 }
 
+// Do bodies on two lanes that lead to a ring meet at an angle where they could begin to touch? In a
+// crossing nobody waits for that: there they would be in the way of others.
+static bool is_steep(const vg_model* model, uint32_t a, uint32_t b, uint32_t common)
+{
+    const vg_lane *on_a = &model->road->lanes[a], *on_b = &model->road->lanes[b];
+    const double touch_a = (double)touch_of(model->road, a, b);
+    const double touch_b = (double)touch_of(model->road, b, a);
+    const vg_reference at_a = vg_lane_at(on_a, vg_lane_s(on_a, touch_a));
+    const vg_reference at_b = vg_lane_at(on_b, vg_lane_s(on_b, touch_b));
+    return on_one_ring(model, common, common)
+           && at_a.cos_heading * at_b.cos_heading + at_a.sin_heading * at_b.sin_heading
+                  < steep_cosine;
+}
+
 // The first lane that two routes have in common, where both come to it from different lanes.
 static void find_merge(vg_order* self, const vg_model* model, const vg_flow* flow, uint32_t i,
                        uint32_t j)
@@ -399,6 +417,7 @@ static void find_merge(vg_order* self, const vg_model* model, const vg_flow* flo
             .other_leave = vg_leg_start(there, model->road),
             .lane = (uint16_t)a, .other_lane = (uint16_t)b,
             .other = (uint8_t)j, .kind = VG_SHARE_MERGE,
+            .steep = is_steep(model, a, b, (uint32_t)own->legs[p].lane),
         };
         share(self, model, flow, i, &found);
         return;
@@ -456,6 +475,15 @@ static void take_wall(vg_wall* wall, float at, float r, verge_why why, int32_t s
     }
 }
 
+// Time until the front of the slot is at an area, with the acceleration from the line. [s]
+static float time_to_area(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                          const vg_share* area, float r)
+{
+    const float v = flow->v[slot], a = starting;
+    const float gap = vg_maxf(area->enter - r - model->half_length[slot], 0.0f);
+    return (__builtin_sqrtf(v * v + 2.0f * a * gap) - v) / a;
+}
+
 // How far beyond an area the other vehicle has to be, for this slot to enter it: one that is not
 // planned is given some time. [m]
 static float beyond_area(const vg_model* model, const vg_flow* flow, uint32_t slot,
@@ -465,10 +493,21 @@ static float beyond_area(const vg_model* model, const vg_flow* flow, uint32_t sl
     if (slot >= model->controlled_count || j < model->controlled_count) {
         return 0.0f;
     }
-    const float v = flow->v[slot], a = starting;
-    const float gap = vg_maxf(area->enter - r - model->half_length[slot], 0.0f);
-    const float arrives = (__builtin_sqrtf(v * v + 2.0f * a * gap) - v) / a;
+    const float arrives = time_to_area(model, flow, slot, area, r);
     return vg_maxf(flow->v[j], 0.0f) * vg_maxf(behind_others - arrives, 0.0f);
+}
+
+// Where lanes merge at an angle: would the front of the slot come too soon behind the rear of the
+// other vehicle, which is there on its route? A slot that would have to brake hard goes on.
+static bool comes_too_soon(const vg_model* model, const vg_flow* flow, uint32_t slot,
+                           const vg_share* area, float r, float rear)
+{
+    const float v = vg_maxf(flow->v[area->other], 0.0f);
+    const float apart = area->other < model->controlled_count ? behind_planned : behind_others;
+    const float then = rear + v * (time_to_area(model, flow, slot, area, r) - apart);
+    return area->steep && then < area->enter
+           && can_stop(flow->v[slot], area->enter - VG_STOP_BEFORE - r - model->half_length[slot],
+                       braking_box);
 }
 
 // Position where the front of the slot waits because of an area: before its entry. Where lanes
@@ -500,8 +539,9 @@ static float line_of(const vg_model* model, const vg_flow* flow, uint32_t slot,
     const float v = vg_maxf(flow->v[j], 0.0f), own = flow->v[slot];
     const float rear = r + ahead - model->half_length[j] - standing_gap;
     const float until = (area->enter - r - model->half_length[slot]) / vg_maxf(own, 1.0f);
-    if (!parts && rear - r - model->half_length[slot] + (v - own) * until < 0.0f) {
-        return line; // it would still be beside
+    if (!parts && (rear - r - model->half_length[slot] + (v - own) * until < 0.0f
+                   || comes_too_soon(model, flow, slot, area, r, rear))) {
+        return line; // it would still be beside, or close ahead
     }
     const float stops = rear + vg_order_stopping(model, v) - merge_headway * own;
     return parts ? stops : vg_maxf(line, stops);

@@ -15,8 +15,9 @@
 ///             do so unless it comes near without braking.
 /// Waiting     A vehicle waits before an area until all vehicles with a lower rank have left it. It
 ///             also waits before a crossing while there is no room for it beyond (the box stays
-///             clear), and before a ring that it would fill completely. Whoever else is there, it
-///             waits before a signal and stops at a stop sign (stops.c).
+///             clear), and before a ring that it would fill completely. A ring that it meets at an
+///             angle it enters 0.5 s after a planned body, 1 s after another one. Whoever else is
+///             there, it waits before a signal and stops at a stop sign (stops.c).
 ///
 /// The order cannot lock controlled vehicles that stand:
 ///             (1) The rank is total, and each vehicle waits for lower ranks only, so among
@@ -71,6 +72,7 @@ typedef struct vg_share {
     uint16_t lane, other_lane;         ///< indices
     uint8_t  other;                    ///< slot
     uint8_t  kind;                     ///< vg_share_kind
+    bool     steep;                    ///< a merge into a ring, where bodies meet at an angle
 } vg_share;
 
 /// A front waits this far before an area. [m]

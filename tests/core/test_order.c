@@ -772,6 +772,26 @@ static void where_lanes_meet_at_an_angle_a_nose_comes_half_a_second_after_the_re
     assert_true(enters > 100 && waits > 100);
 }
 
+// On a full ring each is behind the next one. A vehicle that goes first because nobody moved lets
+// a driver on the ring pass all the same.
+static void a_vehicle_that_is_helped_does_not_enter_a_ring_before_a_driver(void** state)
+{
+    (void)state;
+    for (uint32_t helped = 0; helped < 2; ++helped) {
+        world* w = roundabout(20.0);
+        add(w, true, 11, verge_road_length(w->road, 11) - 12.0, 1.0, 52);
+        for (int32_t k = 0; k < 4; ++k) {
+            add(w, false, 21 + k, verge_road_length(w->road, 21 + k) - 1.0, 5.0, VERGE_NO_LANE);
+        }
+        w->turns = (verge_turns){ .count = 1 };
+        w->turns.of[0] = (verge_turn){ .vehicle_id = 1, .arrival = w->scene.utime,
+                                       .helped = helped ? w->scene.utime : 0 };
+        look(w);
+        assert_true(w->order->rank[0] > w->order->rank[4]);
+        world_close(w);
+    }
+}
+
 // A vehicle that has nothing to wait for and stands is found after three seconds, named and helped.
 static void a_vehicle_that_stands_without_a_cause_is_found(void** state)
 {
@@ -847,6 +867,7 @@ int main(void)
         cmocka_unit_test(a_driver_who_has_to_wait_and_does_not_brake_is_let_go),
         cmocka_unit_test(drivers_who_yield_to_nobody_are_not_run_into),
         cmocka_unit_test(where_lanes_meet_at_an_angle_a_nose_comes_half_a_second_after_the_rear),
+        cmocka_unit_test(a_vehicle_that_is_helped_does_not_enter_a_ring_before_a_driver),
         cmocka_unit_test(a_vehicle_that_stands_without_a_cause_is_found),
         cmocka_unit_test(areas_are_known_whatever_the_room_for_more_vehicles),
     };

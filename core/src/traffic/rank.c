@@ -539,19 +539,28 @@ static void keep_passes(ranking* self, const verge_scene* scene, const verge_dec
 
 // ---------------------------------------------------------------------------- ranks
 
+// Would the slot come to a ring in the way of one that has no rank yet?
+static bool enters_in_the_way(const ranking* self, uint32_t slot, uint64_t left)
+{
+    return self->order->courses[slot].ring_enter < VG_FAR_AWAY && (self->lets[slot] & left) != 0;
+}
+
 // The next vehicle: the earliest one of those whose predecessors have a rank. Where facts
-// contradict one another, none is left, and the earliest of all is next.
+// contradict one another, none is left. On a full ring they always do, as each follows the next:
+// the earliest of those that do not enter it in somebody's way is next. Else the earliest of all.
 static uint32_t next_of(const ranking* self, uint64_t left)
 {
     int32_t best = -1;
-    bool best_free = false;
+    uint32_t best_level = 0;
     for (uint64_t set = left; set != 0; set &= set - 1u) {
         const uint32_t i = (uint32_t)__builtin_ctzll(set);
-        const bool free = (self->must[i] & left) == 0;
-        if (best < 0 || (free && !best_free)
-            || (free == best_free && self->key[i] < self->key[best])) {
+        const uint32_t level = (self->must[i] & left) == 0          ? 2u
+                               : !enters_in_the_way(self, i, left) ? 1u
+                                                                   : 0u;
+        if (best < 0 || level > best_level
+            || (level == best_level && self->key[i] < self->key[best])) {
             best = (int32_t)i;
-            best_free = free;
+            best_level = level;
         }
     }
     VERGE_ASSERT(best >= 0);

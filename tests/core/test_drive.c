@@ -187,6 +187,28 @@ static void one_beside_blocks_a_change_until_there_is_a_gap(void** state)
     }
 }
 
+// In a bend vehicles leave the centre. Where a lane is on that side the vehicle may come from it,
+// and may complete the change. Where none is it has to be farther away: its lane has ended.
+static void a_vehicle_off_the_centre_changes_lane_only_where_it_can_come_from_a_lane(void** state)
+{
+    (void)state;
+    for (uint32_t lanes = 1; lanes <= 2; ++lanes) {
+        for (double d = -1.55; d <= 1.6; d += 0.2) {
+            stage* at = stage_open_best(lanes, 900.0);
+            stage_add(at, true, 0, 300.0, d, 6.0, -1);
+            stage_begin(at);
+            vg_moves moves;
+            memset(&moves, 0, sizeof moves);
+            vg_flow_moves(&at->scene, &at->root, &moves);
+            const bool left = (moves.legal[0] >> VERGE_CHANGE_LEFT & 1u) != 0;
+            const bool right = (moves.legal[0] >> VERGE_CHANGE_RIGHT & 1u) != 0;
+            assert_int_equal(left, lanes == 2 || d < -1.2);
+            assert_int_equal(right, d > (lanes == 2 ? 0.3 : 1.2));
+            stage_close(at);
+        }
+    }
+}
+
 // What the first of three vehicles loses, by the speed of the second. The third drives at 12 m/s.
 static double loss_behind(double v, bool third)
 {
@@ -223,6 +245,7 @@ int main(void)
         cmocka_unit_test(before_the_end_of_a_lane_a_vehicle_stops_with_room_to_leave_it),
         cmocka_unit_test(a_legal_change_costs_the_one_behind_no_hard_braking),
         cmocka_unit_test(one_beside_blocks_a_change_until_there_is_a_gap),
+        cmocka_unit_test(a_vehicle_off_the_centre_changes_lane_only_where_it_can_come_from_a_lane),
         cmocka_unit_test(a_planned_vehicle_ahead_is_soon_as_slow_as_the_one_before_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -38,6 +38,7 @@ const char* verge_reason_text(verge_reason reason)
     case VERGE_REASON_OFF_ROAD: return "the vehicle is on no lane";
     case VERGE_REASON_OVERRUN: return "the planning cycle ran out of time";
     case VERGE_REASON_STALE: return "the vehicle's state is too old";
+    case VERGE_REASON_STOP: return "a stop was asked for";
     }
     return "unknown reason";
 }

@@ -2,6 +2,8 @@
 // or trajectory planner: public headers only.
 #include "check.h"
 #include "closed_loop.h"
+#include "rng.h"
+#include "strict.h"
 
 #include <verge/verge.h>
 
@@ -722,6 +724,107 @@ static void a_predictor_in_the_memory_of_a_decider_changes_no_decision_and_no_pr
     }
 }
 
+static verge_vehicle_plan stop_three(stages* at, const verge_vehicle_plan* before)
+{
+    static verge_vehicle_plan plan;
+    assert_int_equal(verge_predict(at->predictor, &at->scene, NULL, &at->tracks), VERGE_OK);
+    assert_int_equal(verge_plan_stop(at->sampler, &at->scene, 3, &at->tracks, before, &plan), VERGE_OK);
+    assert_int_equal(plan.reason, VERGE_REASON_STOP);
+    assert_int_equal(plan.status, VERGE_FALLBACK_BRAKE);
+    return plan;
+}
+
+/// It comes to rest by braking gently, one plan after the other, and stays in its lane.
+static void a_stop_ends_at_standstill_in_the_lane_and_is_drivable(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("stop");
+    for (uint32_t round = 0; round < test_rounds(40); ++round) {
+        const double v = test_rng_between(&rng, 0.0, 20.0), d = test_rng_between(&rng, -0.6, 0.6);
+        verge_vehicle own = vehicle_at(3, true, 50.0, d, v);
+        verge_vehicle_plan plan, before;
+        bool stands = false;
+        for (uint32_t k = 0; k < 8 && !stands; ++k) {
+            assert_int_equal(verge_scene_place(&one.scene, 2000000 * k, &own, 1, NULL), VERGE_OK);
+            plan = stop_three(&one, k == 0 ? NULL : &before);
+            char text[160] = "";
+            const verge_body body = verge_vehicle_body(&own);
+            const char* fault = strict_motion_fault(&plan, &body, point_s, text);
+            if (fault != NULL) {
+                fail_msg("%s: %s", fault, text);
+            }
+            for (uint32_t i = 1; i < plan.point_count; ++i) {
+                CHECK_AT_MOST(plan.points[i].speed, plan.points[i - 1].speed + 1e-9);
+                CHECK_AT_MOST(-2.2, plan.points[i].acceleration);
+                CHECK_BETWEEN(plan.points[i].y, -0.65, 0.65);
+            }
+            take_point(&own, &plan.points[20]);
+            before = plan;
+            stands = plan.points[20].speed == 0.0;
+        }
+        assert_true(stands);
+    }
+}
+
+static void a_stop_brakes_as_hard_as_a_body_ahead_needs(void** state)
+{
+    (void)state;
+    const double gaps[] = { 70.0, 45.0, 30.0 };
+    double hardest = 0.0;
+    for (uint32_t i = 0; i < 3; ++i) {
+        const verge_vehicle heard[2] = { vehicle_at(3, true, 50.0, 0.0, 18.0),
+                                         vehicle_at(7, false, 55.0 + gaps[i], 0.0, 0.0) };
+        assert_int_equal(verge_scene_place(&one.scene, 0, heard, 2, NULL), VERGE_OK);
+        const verge_vehicle_plan plan = stop_three(&one, NULL);
+        double braking = 0.0;
+        for (uint32_t k = 0; k < plan.point_count; ++k) {
+            braking = fmax(braking, -plan.points[k].acceleration);
+            verge_track_set(&one.tracks.of[0], k, plan.points[k].x, plan.points[k].y,
+                            plan.points[k].heading, plan.points[k].speed);
+        }
+        assert_true(braking >= hardest);
+        CHECK_AT_MOST(braking, 8.0 + 1e-6);
+        hardest = braking;
+        assert_false(verge_tracks_contact(&one.tracks, 0, plan.point_count, 0.0, NULL, NULL));
+    }
+    CHECK_AT_MOST(5.0, hardest); // 18^2 / 2 / 30
+}
+
+/// Two bodies of 5 m on one line approach each other: the first instant follows from their speeds.
+static void the_contact_of_tracks_is_the_first_one(void** state)
+{
+    (void)state;
+    const verge_vehicle heard[3] = { vehicle_at(3, true, 50.0, 0.0, 10.0),
+                                     vehicle_at(5, false, 90.0, lane_width, 0.0),
+                                     vehicle_at(7, false, 70.0, 0.0, 0.0) };
+    assert_int_equal(verge_scene_place(&one.scene, 0, heard, 3, NULL), VERGE_OK);
+    one.tracks.count = 3;
+    for (uint32_t i = 0; i < 3; ++i) {
+        verge_track_begin(&one.tracks.of[i], &heard[i]);
+        for (uint32_t k = 0; k < VERGE_POINTS_MAX; ++k) {
+            verge_track_set(&one.tracks.of[i], k, heard[i].x + heard[i].speed * point_s * k,
+                            heard[i].y, 0.0, heard[i].speed);
+        }
+    }
+    uint32_t other = 99, instant = 99;
+    assert_true(verge_tracks_contact(&one.tracks, 0, VERGE_POINTS_MAX, 0.0, &other, &instant));
+    assert_int_equal(other, 2);
+    CHECK_BETWEEN(instant, 14, 16); // 20 m less a length of 5 m, at 10 m/s
+    assert_true(verge_tracks_contact(&one.tracks, 0, VERGE_POINTS_MAX, 1.0, &other, &instant));
+    CHECK_BETWEEN(instant, 13, 15); // the own body grows by a metre
+    assert_false(verge_tracks_contact(&one.tracks, 0, 10, 0.0, &other, &instant)); // too early
+    one.tracks.of[2].trailer = 0;
+    one.tracks.of[0].trailer = 2; // the own trailer is no other body
+    assert_false(verge_tracks_contact(&one.tracks, 0, VERGE_POINTS_MAX, 0.0, &other, &instant));
+    one.tracks.of[0].trailer = 0;
+    verge_track_set(&one.tracks.of[2], 0, 52.0, 0.0, 0.0, 0.0);
+    assert_true(verge_tracks_contact(&one.tracks, 0, VERGE_POINTS_MAX, 0.0, &other, &instant));
+    assert_int_equal(instant, 0);
+    assert_false(verge_tracks_contact(NULL, 0, 31, 0.0, NULL, NULL));
+    assert_false(verge_tracks_contact(&one.tracks, 3, 31, 0.0, NULL, NULL));
+    assert_false(verge_tracks_contact(&one.tracks, 0, VERGE_POINTS_MAX + 1, 0.0, NULL, NULL));
+}
+
 #define CASE(claim) cmocka_unit_test_setup(claim, open_one)
 
 int main(void)
@@ -748,6 +851,9 @@ int main(void)
         CASE(humans_refuse_more_controlled_vehicles_than_the_def_holds),
         CASE(a_commitment_with_counts_beyond_the_capacities_is_ignored),
         CASE(a_predictor_in_the_memory_of_a_decider_changes_no_decision_and_no_prediction),
+        CASE(a_stop_ends_at_standstill_in_the_lane_and_is_drivable),
+        CASE(a_stop_brakes_as_hard_as_a_body_ahead_needs),
+        CASE(the_contact_of_tracks_is_the_first_one),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -112,6 +112,7 @@ typedef enum verge_reason {
     VERGE_REASON_OFF_ROAD = 5,      ///< the vehicle is on no lane: brakes straight ahead
     VERGE_REASON_OVERRUN = 6,       ///< set by the daemon: the cycle ran out of time
     VERGE_REASON_STALE = 7,         ///< set by the daemon: the vehicle's state is too old
+    VERGE_REASON_STOP = 8,          ///< a stop was asked for: verge_plan_stop()
 } verge_reason;
 
 /// A sentence for a reason, never null.
@@ -212,6 +213,31 @@ verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* sampler,
                                     const verge_tracks* tracks, const verge_vehicle_plan* before,
                                     verge_vehicle_plan* plan);
 
+/// Plans a stop of one vehicle, without a decision: it brakes to standstill in its lane, or straight
+/// ahead where it is on none, within the limits of its body and with limited jerk. The gentlest
+/// deceleration, from 2 m/s^2 to 8 m/s^2, that meets no body is taken; if each of them meets one,
+/// that with the softest contact. The plan is a fallback with VERGE_REASON_STOP. The horizon may end
+/// before the vehicle stands; the next call goes on.
+/// tracks, before: as for verge_plan_vehicle().
+/// @retval  as verge_plan_vehicle()
+static inline verge_status verge_plan_stop(verge_sampler* sampler, const verge_scene* scene,
+                                           int32_t vehicle_id, const verge_tracks* tracks,
+                                           const verge_vehicle_plan* before,
+                                           verge_vehicle_plan* plan);
+verge_status verge_plan_stop_for(uint64_t config, verge_sampler* sampler, const verge_scene* scene,
+                                 int32_t vehicle_id, const verge_tracks* tracks,
+                                 const verge_vehicle_plan* before, verge_vehicle_plan* plan);
+
+/// Does the body of one track meet another one in its first `points` instants, at them or between
+/// them? A contact that exists at instant 0 counts from there. own: index in the tracks; its own
+/// trailer does not count. clearance: [m] free space that is kept on every side, >= 0. The index of
+/// the first body met, and of the instant at or before which that happens, in *other and *instant
+/// (both may be null).
+/// @return  false: no contact, or tracks is null, own is no index, or points is not in
+///          1..VERGE_POINTS_MAX; *other and *instant are unchanged
+bool verge_tracks_contact(const verge_tracks* tracks, uint32_t own, uint32_t points,
+                          double clearance, uint32_t* other, uint32_t* instant);
+
 /// Candidate trajectories evaluated so far.
 uint64_t verge_sampler_candidates(const verge_sampler* sampler);
 
@@ -230,6 +256,14 @@ static inline verge_status verge_plan_vehicle(verge_sampler* sampler, const verg
                                               verge_vehicle_plan* plan)
 {
     return verge_plan_vehicle_for(VERGE_CONFIG, sampler, scene, decision, tracks, before, plan);
+}
+
+static inline verge_status verge_plan_stop(verge_sampler* sampler, const verge_scene* scene,
+                                           int32_t vehicle_id, const verge_tracks* tracks,
+                                           const verge_vehicle_plan* before,
+                                           verge_vehicle_plan* plan)
+{
+    return verge_plan_stop_for(VERGE_CONFIG, sampler, scene, vehicle_id, tracks, before, plan);
 }
 
 static inline void verge_track_set(verge_track* track, uint32_t k, double x, double y,

@@ -3,6 +3,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "motion/trailer.h"
 
 static bool step_is_far(const verge_track* a, const verge_track* b, double clearance, uint32_t k);
 static bool step_touches(const verge_track* a, const verge_track* b, double clearance, uint32_t k);
@@ -42,6 +43,39 @@ uint32_t vg_contact_new(const verge_track* a, const verge_track* b, double clear
         ++apart;
     }
     return apart > to ? to + 1 : vg_contact_first(a, b, 0.0, apart, to);
+}
+
+bool verge_tracks_contact(const verge_tracks* tracks, uint32_t own, uint32_t points,
+                          double clearance, uint32_t* other, uint32_t* instant)
+{
+    if (tracks == NULL || own >= tracks->count || points < 1 || points > VERGE_POINTS_MAX) {
+        return false;
+    }
+    const verge_track* body = &tracks->of[own];
+    const uint32_t trailer = vg_trailer_of(tracks, own);
+    uint32_t first = points, met = 0;
+    for (uint32_t j = 0; j < tracks->count; ++j) {
+        if (j == own || j == trailer) {
+            continue;
+        }
+        const verge_track* at = &tracks->of[j];
+        const uint32_t k = vg_contact_at(body, at, clearance, 0)
+                               ? 0 : vg_contact_first(body, at, clearance, 0, points - 1u);
+        if (k < first) {
+            first = k;
+            met = j;
+        }
+    }
+    if (first == points) {
+        return false;
+    }
+    if (other != NULL) {
+        *other = met;
+    }
+    if (instant != NULL) {
+        *instant = first;
+    }
+    return true;
 }
 
 /// The coarse filter: circles around both bodies and around their motion in the step.

@@ -15,6 +15,9 @@
 /// last rung keeps to them by construction (vg_stop_straight). Off the road only that one is left.
 ///
 /// A vehicle that overlaps a body in front brakes to a standstill unless that body moves away.
+///
+/// A vehicle that has to stop (vg_job.stops) takes the rungs that brake in the lane or straight
+/// ahead alone.
 #include "motion/contact.h"
 #include "base/contract.h"
 #include "motion/follow.h"
@@ -52,6 +55,8 @@ static const rung rungs[] = {
 };
 enum { RUNGS = sizeof rungs / sizeof rungs[0] };
 
+/// The gentlest deceleration of a vehicle that has to stop. [m/s^2]
+static const double stop_level = 2.0;
 /// Free space between the body and the lane boundary at an offset. [m]
 static const double goal_reserve = 0.1;
 /// Share of the limits that going on with the last plan may use: between its points, a line through
@@ -114,8 +119,8 @@ void vg_vehicle_fall_back(vg_workspace* ws, const vg_job* job, const verge_track
     ws->resumes = taken->where == RESUME;
     ws->cost = vg_motion_cost(ws->motion, ws->limits.rear_axle, job->def,
                               &job->vehicle->habit.weights, tracks, job->track_index);
-    plan->status = taken->brakes && taken->where != ACCELERATE ? VERGE_FALLBACK_BRAKE
-                                                               : VERGE_FALLBACK_KEEP_LANE;
+    const bool brakes = (taken->brakes && taken->where != ACCELERATE) || job->stops;
+    plan->status = brakes ? VERGE_FALLBACK_BRAKE : VERGE_FALLBACK_KEEP_LANE;
     plan->reason = reason;
     vg_workspace_emit(ws, job, plan);
 }
@@ -143,6 +148,9 @@ static ladder ladder_of(vg_workspace* ws, const vg_job* job, const verge_tracks*
 static bool offers(const ladder* all, const rung* rung)
 {
     const vg_job* job = all->job;
+    if (job->stops && rung->level < stop_level) {
+        return false;
+    }
     if (rung->where == RESUME) {
         return all->last.valid && all->ws->blocking == 0;
     }

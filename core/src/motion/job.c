@@ -371,6 +371,40 @@ static bool tracks_hold(const verge_tracks* tracks, const verge_scene* scene, ui
     return holds;
 }
 
+// Checks the arguments of a planning function, and finds the vehicle in the scene.
+static verge_status check_call(const verge_sampler* self, const verge_scene* scene,
+                               int32_t vehicle_id, const verge_tracks* tracks,
+                               const verge_vehicle_plan* before, const verge_vehicle_plan* plan,
+                               uint32_t* vehicle_index)
+{
+    if (self == NULL || tracks == NULL || plan == NULL || before == plan || !vg_scene_holds(scene)
+        || (tracks->of == NULL && tracks->count > 0)) {
+        return VERGE_ERR_ARGUMENT;
+    }
+    const int32_t index = verge_scene_find(scene, vehicle_id);
+    if (index < 0 || !scene->vehicles[index].controlled) {
+        return VERGE_ERR_VEHICLE;
+    }
+    *vehicle_index = (uint32_t)index;
+    const uint32_t trailer = tracks->count < scene->vehicle_count ? 0 : tracks->of[index].trailer;
+    if (tracks->count < scene->vehicle_count || tracks->count > VERGE_VEHICLES_MAX
+        || trailer >= tracks->count) {
+        return VERGE_ERR_CAPACITY;
+    }
+    return tracks_hold(tracks, scene, (uint32_t)index, self->def.points) ? VERGE_OK
+                                                                         : VERGE_ERR_VEHICLE;
+}
+
+static void run_job(verge_sampler* self, const verge_scene* scene, const verge_tracks* tracks,
+                    const verge_vehicle_plan* before, verge_vehicle_plan* plan)
+{
+    self->workspace->evaluated = 0;
+    self->workspace->ignored = 0;
+    vg_vehicle_plan_trajectory(self->workspace, &self->job, tracks, plan);
+    self->candidates += self->workspace->evaluated;
+    vg_job_end(&self->job, self->workspace, scene, before, plan);
+}
+
 verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const verge_scene* scene,
                                     const verge_vehicle_decision* decision,
                                     const verge_tracks* tracks, const verge_vehicle_plan* before,
@@ -379,30 +413,57 @@ verge_status verge_plan_vehicle_for(uint64_t config, verge_sampler* self, const 
     if (config != VERGE_CONFIG) {
         return VERGE_ERR_CONFIG;
     }
-    if (self == NULL || decision == NULL || tracks == NULL || plan == NULL || before == plan
-        || !vg_scene_holds(scene) || (tracks->of == NULL && tracks->count > 0)) {
+    if (decision == NULL) {
         return VERGE_ERR_ARGUMENT;
     }
-    const int32_t index = verge_scene_find(scene, decision->vehicle_id);
-    if (index < 0 || !scene->vehicles[index].controlled) {
-        return VERGE_ERR_VEHICLE;
+    uint32_t index = 0;
+    const verge_status status =
+        check_call(self, scene, decision->vehicle_id, tracks, before, plan, &index);
+    if (status != VERGE_OK) {
+        return status;
     }
-    const uint32_t trailer = tracks->count < scene->vehicle_count ? 0 : tracks->of[index].trailer;
-    if (tracks->count < scene->vehicle_count || tracks->count > VERGE_VEHICLES_MAX
-        || trailer >= tracks->count) {
-        return VERGE_ERR_CAPACITY;
-    }
-    if (!tracks_hold(tracks, scene, (uint32_t)index, self->def.points)) {
-        return VERGE_ERR_VEHICLE;
-    }
-    if (!vg_job_begin(&self->job, &self->def, scene, (uint32_t)index, decision, before, plan)) {
+    if (!vg_job_begin(&self->job, &self->def, scene, index, decision, before, plan)) {
         return VERGE_ERR_DEF;
     }
-    self->workspace->evaluated = 0;
-    self->workspace->ignored = 0;
-    vg_vehicle_plan_trajectory(self->workspace, &self->job, tracks, plan);
-    self->candidates += self->workspace->evaluated;
-    vg_job_end(&self->job, self->workspace, scene, before, plan);
+    run_job(self, scene, tracks, before, plan);
+    return VERGE_OK;
+}
+
+// Decelerates to standstill in the lane, within the horizon of the trajectory.
+static void decide_stop(const verge_sampler* self, const verge_scene* scene, uint32_t index,
+                        verge_vehicle_decision* decision)
+{
+    const verge_lane_position* at = &scene->positions[index];
+    const double horizon = self->def.point_s * (double)self->def.points;
+    const double way = 0.5 * vg_max(scene->vehicles[index].speed, 0.0) * horizon;
+    memset(decision, 0, sizeof *decision);
+    decision->vehicle_id = scene->vehicles[index].id;
+    decision->step_count = 1;
+    decision->steps[0] = (verge_action_step){
+        .action = VERGE_DECELERATE, .lane_id = at->lane_id, .t1 = horizon, .s = at->s + way,
+        .d = at->d, .distance = way, .brake_light = true, .ahead_id = -1, .behind_id = -1,
+    };
+}
+
+verge_status verge_plan_stop_for(uint64_t config, verge_sampler* self, const verge_scene* scene,
+                                 int32_t vehicle_id, const verge_tracks* tracks,
+                                 const verge_vehicle_plan* before, verge_vehicle_plan* plan)
+{
+    if (config != VERGE_CONFIG) {
+        return VERGE_ERR_CONFIG;
+    }
+    uint32_t index = 0;
+    const verge_status status = check_call(self, scene, vehicle_id, tracks, before, plan, &index);
+    if (status != VERGE_OK) {
+        return status;
+    }
+    verge_vehicle_decision decision;
+    decide_stop(self, scene, index, &decision);
+    const bool usable = vg_job_begin(&self->job, &self->def, scene, index, &decision, before, plan);
+    VERGE_ASSERT(usable);
+    (void)usable;
+    self->job.stops = true;
+    run_job(self, scene, tracks, before, plan);
     return VERGE_OK;
 }
 

@@ -86,8 +86,9 @@ void vg_vehicle_plan_trajectory(vg_workspace* ws, const vg_job* job, const verge
         vg_vehicle_stop_reversing(ws, job, plan);
         return;
     }
-    if (!job->on_road) {
-        vg_vehicle_fall_back(ws, job, tracks, plan, VERGE_REASON_OFF_ROAD);
+    if (job->stops || !job->on_road) {
+        vg_vehicle_fall_back(ws, job, tracks, plan,
+                             job->stops ? VERGE_REASON_STOP : VERGE_REASON_OFF_ROAD);
         return;
     }
     if (ws->blocking != 0) { // a body in front overlaps

@@ -26,6 +26,7 @@ typedef struct vg_job {
     const verge_road*    road;
     const verge_vehicle* vehicle;
     bool       on_road;     ///< false: brakes straight ahead (VERGE_REASON_OFF_ROAD)
+    bool       stops;       ///< brakes to standstill, whatever is decided (VERGE_REASON_STOP)
     uint32_t   lane;        ///< index of the lane the centre is on
     double     s, d;        ///< [m] of the centre on that lane
     int32_t    target;      ///< lane index, -1 none

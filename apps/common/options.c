@@ -92,6 +92,23 @@ bool options_u64(const program* self, const char* name, const char* text, uint64
     return true;
 }
 
+bool options_number(const program* self, const char* name, const char* text, double min, double max,
+                    double* value)
+{
+    if (text == NULL) {
+        return true;
+    }
+    char* end = NULL;
+    const double number = strtod(text, &end);
+    if (end == text || *end != '\0' || !(number >= min && number <= max)) {
+        fprintf(stderr, "%s:%s: is \"%.40s\", expected a number from %g to %g\n", self->name, name,
+                text, min, max);
+        return false;
+    }
+    *value = number;
+    return true;
+}
+
 /// One line in the form of all others: program:argument: what is wrong.
 static bool wrong(const program* self, int* status, const char* what, const char* about)
 {

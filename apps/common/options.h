@@ -44,4 +44,9 @@ bool options_parse(const program* self, int argc, char** argv, const char** argu
 bool options_u64(const program* self, const char* name, const char* text, uint64_t* value,
                  bool* given);
 
+/// The number of an option, from min to max. text null: *value keeps its default. False: it is not
+/// one; one line on standard error.
+bool options_number(const program* self, const char* name, const char* text, double min, double max,
+                    double* value);
+
 #endif

@@ -65,6 +65,26 @@ void run_write_bus_plan(FILE* out, const world* world, const verge_plan* plan,
     fputs("}\n", out);
 }
 
+static void write_known(FILE* out, const char* name, int32_t value)
+{
+    if (value < 0) {
+        fprintf(out, ",\"%s\":null", name);
+    } else {
+        fprintf(out, ",\"%s\":%d", name, value);
+    }
+}
+
+void run_write_unit(FILE* out, double t, const run_unit* unit)
+{
+    fputs("{\"t\":", out);
+    number_write(out, t);
+    fprintf(out, ",\"unit\":{\"id\":%d,\"mode\":\"%s\",\"reason\":\"%s\"", unit->vehicle_id,
+            unit->mode, unit->reason);
+    write_known(out, "vehicle", unit->about);
+    write_known(out, "cycle", unit->cycle);
+    fputs("}}\n", out);
+}
+
 void run_write_metrics(FILE* out, const metrics* metrics, bool timing)
 {
     fputs("{\"metrics\":", out);

@@ -38,6 +38,18 @@ void run_write_bus_tick(FILE* out, const world* world);
 void run_write_bus_plan(FILE* out, const world* world, const verge_plan* plan,
                         const run_origin* origin);
 
+/// A change of mode of an on-vehicle unit:
+///     {"t":..,"unit":{"id":2,"mode":"departing","reason":"contact","vehicle":4,"cycle":33}}
+/// vehicle: that the reason is about, or null; cycle: of the plan, or null.
+typedef struct run_unit {
+    int32_t     vehicle_id;
+    const char* mode;
+    const char* reason;
+    int32_t     about; ///< -1: none
+    int32_t     cycle; ///< -1: none
+} run_unit;
+void run_write_unit(FILE* out, double t, const run_unit* unit);
+
 void run_write_metrics(FILE* out, const metrics* metrics, bool timing);
 
 #endif

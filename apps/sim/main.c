@@ -6,6 +6,7 @@
 #include "common/output.h"
 #include "common/run.h"
 #include "common/scenario_open.h"
+#include "fleet/fleet.h"
 
 #include <errno.h>
 #include <math.h>
@@ -22,11 +23,15 @@ typedef struct simulation {
     verge_plan      plan;    ///< of the latest cycle
     FILE*           run;     ///< null: not recorded
     bool            timing;
+    fleet*          fleet;   ///< null: vehicles drive the plans themselves
+    uint32_t        changes; ///< of mode, already written
 } simulation;
 
-static int  run(const scenario* scene, const char* path, bool timing);
+static int  run(const scenario* scene, const char* path, bool timing, const fleet_faults* faults);
+static bool read_faults(const program* self, const char* const texts[3], fleet_faults* faults);
 static bool simulate(simulation* self);
 static bool plan_cycle(simulation* self);
+static void fleet_cycle(simulation* self);
 static double now_ms(void);
 static bool metrics_print(const simulation* self);
 
@@ -34,12 +39,20 @@ int main(int argc, char** argv)
 {
     const char* out = NULL;
     const char* seed_text = NULL;
-    bool        no_timing = false;
+    bool        no_timing = false, units = false;
+    const char* faults_text[3] = { NULL, NULL, NULL };
     const option_entry options[] = {
         { "--out", "RUN.jsonl", "writes the run (format verge-run/1) to this file", &out, NULL },
         { "--seed", "N", "plans with this seed instead of the scenario's", &seed_text, NULL },
         { "--no-timing", NULL, "omits the measured times (cycle_ms)", NULL,
           &no_timing },
+        { "--units", NULL, "an on-vehicle unit (as verge-obu) drives each controlled vehicle", NULL,
+          &units },
+        { "--plan-delay", "S", "with --units: plans arrive S seconds late", &faults_text[0], NULL },
+        { "--plan-loss", "SHARE", "with --units: this share of the plans is lost", &faults_text[1],
+          NULL },
+        { "--rsu-off", "FROM-TO", "with --units: no roadside unit from .. to [s]", &faults_text[2],
+          NULL },
     };
     const program self = {
         .name = "verge-sim",
@@ -58,12 +71,41 @@ int main(int argc, char** argv)
     if (!scenario_open(&scene, &self, path, seed_text)) {
         return 2;
     }
-    status = run(&scene, out, !no_timing);
+    fleet_faults faults = { .seed = scene.def.seed };
+    status = 2;
+    if (read_faults(&self, faults_text, &faults)) {
+        status = run(&scene, out, !no_timing, units ? &faults : NULL);
+    }
     scenario_free(&scene);
     return status;
 }
 
-static int run(const scenario* scene, const char* path, bool timing)
+/// The numbers of --plan-delay, --plan-loss and --rsu-off. False: one of them is wrong, one line on
+/// standard error.
+static bool read_faults(const program* self, const char* const texts[3], fleet_faults* faults)
+{
+    if (!options_number(self, "--plan-delay", texts[0], 0.0, 1.0, &faults->delay_s)
+        || !options_number(self, "--plan-loss", texts[1], 0.0, 1.0, &faults->loss)) {
+        return false;
+    }
+    if (texts[2] == NULL) {
+        return true;
+    }
+    char* end = NULL;
+    faults->off_from = strtod(texts[2], &end);
+    const bool range = end != texts[2] && *end == '-';
+    const char* second = range ? end + 1 : "";
+    faults->off_to = range ? strtod(second, &end) : 0.0;
+    if (!range || end == second || *end != '\0' || !(faults->off_from >= 0.0)
+        || !(faults->off_to > faults->off_from)) {
+        fprintf(stderr, "verge-sim:--rsu-off: is \"%.40s\", expected two times such as 5-9.5\n",
+                texts[2]);
+        return false;
+    }
+    return true;
+}
+
+static int run(const scenario* scene, const char* path, bool timing, const fleet_faults* faults)
 {
     static output     file; // static: large
     static simulation self;
@@ -78,6 +120,12 @@ static int run(const scenario* scene, const char* path, bool timing)
     if (!good) {
         fputs("verge-sim:memory: out of memory\n", stderr);
     }
+    char error[256] = "";
+    if (good && faults != NULL && (self.fleet = fleet_open(&self.world, faults, error,
+                                                          sizeof error)) == NULL) {
+        fprintf(stderr, "verge-sim:%s\n", error);
+        good = false;
+    }
     good = good && simulate(&self);
     if (good && path != NULL && !output_close(&file)) {
         output_report(path);
@@ -85,6 +133,7 @@ static int run(const scenario* scene, const char* path, bool timing)
     }
     good = good && metrics_print(&self);
     output_abandon(&file);
+    fleet_close(self.fleet);
     metrics_free(&self.metrics);
     world_free(&self.world);
     return good ? 0 : 1;
@@ -102,14 +151,16 @@ static bool simulate(simulation* self)
         const uint32_t tick = self->world.tick;
         const bool     plans = tick % cycle == 0 && tick < end;
         // Plan before the tick is written, because its lights are those of the new plan.
-        if (plans && !plan_cycle(self)) {
+        if (self->fleet != NULL && tick < end) {
+            fleet_cycle(self);
+        } else if (plans && !plan_cycle(self)) {
             return false;
         }
         metrics_tick(&self->metrics, &self->world);
         if (self->run != NULL) {
             run_write_tick(self->run, &self->world);
         }
-        if (self->run != NULL && plans) {
+        if (self->run != NULL && plans && self->fleet == NULL) {
             run_write_plan(self->run, &self->world, &self->plan);
         }
         if (watched && tick % WORLD_TICKS_PER_SECOND == 0) {
@@ -147,6 +198,30 @@ static bool plan_cycle(simulation* self)
         world_follow(&self->world, &plan->vehicles[i], world_time(&self->world));
     }
     return true;
+}
+
+/// One tick with on-vehicle units. The plans of the roadside unit are written where it made some,
+/// and so is each change of mode.
+static void fleet_cycle(simulation* self)
+{
+    fleet_tick(self->fleet);
+    bool planned = false;
+    const verge_plan* plan = fleet_plan(self->fleet, &planned);
+    if (planned) {
+        metrics_cycle(&self->metrics, plan, NULL, -1.0);
+    }
+    if (planned && self->run != NULL) {
+        run_write_plan(self->run, &self->world, plan);
+    }
+    uint32_t count = 0;
+    const fleet_change* changes = fleet_changes(self->fleet, &count);
+    for (; self->changes < count && self->run != NULL; ++self->changes) {
+        const fleet_change* change = &changes[self->changes];
+        const run_unit unit = { change->vehicle_id, wire_unit_mode_name(change->mode),
+                                wire_unit_reason_name(change->reason), change->about,
+                                change->cycle };
+        run_write_unit(self->run, world_time(&self->world), &unit);
+    }
 }
 
 static double now_ms(void)

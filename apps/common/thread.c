@@ -27,6 +27,30 @@ int thread_start(pthread_t* thread, const thread_options* options, void* (*run)(
     return refused;
 }
 
+static cpu_set_t cpu_set_of(const thread_options* options)
+{
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    for (uint32_t i = 0; i < options->cpu_count; ++i) {
+        CPU_SET(options->cpus[i], &set);
+    }
+    return set;
+}
+
+int thread_become(const thread_options* options)
+{
+    int refused = 0;
+    if (options->priority > 0) {
+        const struct sched_param parameter = { .sched_priority = options->priority };
+        refused = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
+    }
+    if (refused == 0 && options->cpu_count > 0) {
+        const cpu_set_t set = cpu_set_of(options);
+        refused = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+    }
+    return refused;
+}
+
 static int attributes_set(pthread_attr_t* attributes, const thread_options* options)
 {
     int refused = pthread_attr_setstacksize(attributes, THREAD_STACK_SIZE);
@@ -37,11 +61,7 @@ static int attributes_set(pthread_attr_t* attributes, const thread_options* opti
         refused = pthread_attr_setschedparam(attributes, &parameter);
     }
     if (refused == 0 && options != NULL && options->cpu_count > 0) {
-        cpu_set_t set;
-        CPU_ZERO(&set);
-        for (uint32_t i = 0; i < options->cpu_count; ++i) {
-            CPU_SET(options->cpus[i], &set);
-        }
+        const cpu_set_t set = cpu_set_of(options);
         refused = pthread_attr_setaffinity_np(attributes, sizeof set, &set);
     }
     return refused;

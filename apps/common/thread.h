@@ -30,6 +30,9 @@ typedef struct thread_options {
 int thread_start(pthread_t* thread, const thread_options* options, void* (*run)(void*),
                  void* arg);
 
+/// Gives the calling thread this priority and these processors. Returns 0 or an errno, as above.
+int thread_become(const thread_options* options);
+
 #ifdef __cplusplus
 }
 #endif

@@ -10,8 +10,12 @@ int setup_load(setup* self, const setup_def* def, char error[CONFIG_ERROR_SIZE])
     return site_load(&self->site, def->site, def->path, error);
 }
 
-int setup_plan(setup* self, char error[CONFIG_ERROR_SIZE])
+int setup_plan(setup* self, const setup_def* def, char error[CONFIG_ERROR_SIZE])
 {
+    if (def->make != NULL) {
+        self->unmake = def->unmake;
+        return def->make(&self->made, self->site, error);
+    }
     return planning_open(&self->planner, &self->site->planner, &self->site->service, error);
 }
 
@@ -29,6 +33,9 @@ void setup_free(setup* self)
     recorder_close(self->record, RECORD_PATIENCE_US);
     buses_close(&self->buses);
     planning_close(&self->planner);
+    if (self->unmake != NULL) {
+        self->unmake(self->made);
+    }
     site_free(self->site);
     memset(self, 0, sizeof *self);
 }
@@ -37,11 +44,11 @@ int setup_prepare(setup* self, const setup_def* def, const setup* now,
                   char error[CONFIG_ERROR_SIZE])
 {
     int code = setup_load(self, def, error);
-    if (code == 0 && !site_may_follow(now->site, self->site, error)) {
+    if (code == 0 && !site_may_follow(now->site, self->site, def->site, error)) {
         code = EXIT_CONFIG;
     }
     if (code == 0) {
-        code = setup_plan(self, error);
+        code = setup_plan(self, def, error);
     }
     if (code == 0 && !site_same_buses(self->site, now->site)) {
         code = setup_connect(self, def, error);

@@ -1,4 +1,4 @@
-/// What a daemon makes for its configuration: the planner, the buses, the recording.
+/// What a daemon makes for its configuration: its planner, the buses, the recording.
 ///
 /// Memory      Heap, until setup_free(): at the start and at each reload.
 /// Threads     A setup with several planning threads owns the helpers.
@@ -16,11 +16,17 @@ typedef struct setup_def {
     const site_def* site;    ///< the daemon's own keys
     unsigned        bus_use; ///< what is received and sent, see buses_open()
     void          (*log)(void* context, const char* line); ///< for complaints of the buses
+    /// Makes what plans, instead of setup.planner; null: that is made. Returns 0, EXIT_CONFIG or
+    /// EXIT_OS with a line in error, and *made for unmake(), which takes null, too.
+    int           (*make)(void** made, const site* site, char error[CONFIG_ERROR_SIZE]);
+    void          (*unmake)(void* made);
 } setup_def;
 
 typedef struct setup {
     site*     site;
-    planning  planner;
+    planning  planner; ///< all zero with setup_def.make
+    void*     made;    ///< by setup_def.make
+    void    (*unmake)(void* made);
     buses     buses;  ///< of a next setup: count 0 means that the present buses stay
     recorder* record; ///< null: no recording, which holds one configuration only
 } setup;
@@ -28,7 +34,7 @@ typedef struct setup {
 /// Each fills in one part of a setup, in this order, and returns 0, or an exit code with a line in
 /// error. setup_free() is due in each case.
 int  setup_load(setup* self, const setup_def* def, char error[CONFIG_ERROR_SIZE]);
-int  setup_plan(setup* self, char error[CONFIG_ERROR_SIZE]);
+int  setup_plan(setup* self, const setup_def* def, char error[CONFIG_ERROR_SIZE]);
 int  setup_connect(setup* self, const setup_def* def, char error[CONFIG_ERROR_SIZE]);
 void setup_free(setup* self); ///< all zero is fine
 

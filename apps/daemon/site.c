@@ -327,9 +327,13 @@ bool site_same_buses(const site* self, const site* other)
     return same;
 }
 
-bool site_may_follow(const site* self, const site* next, char error[CONFIG_ERROR_SIZE])
+bool site_may_follow(const site* self, const site* next, const site_def* def,
+                     char error[CONFIG_ERROR_SIZE])
 {
     const char* key = service_changed(&self->service, &next->service);
+    if (key == NULL && def->changed != NULL) {
+        key = def->changed(self, next);
+    }
     if (key != NULL) {
         snprintf(error, CONFIG_ERROR_SIZE,
                  "%s: differs from what the daemon was started with, expected the same until it "

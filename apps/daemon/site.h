@@ -72,6 +72,9 @@ typedef struct site_def {
     bool             (*read)(site* self, const json_at* root);
     /// Writes the own members as JSON with all defaults, each after a comma and a line break.
     void             (*print)(const site* self, FILE* out);
+    /// The first own key that differs and cannot change without a restart; null: none. The function
+    /// may be null.
+    const char*      (*changed)(const site* self, const site* next);
 } site_def;
 
 /// Reads and checks everything. Returns 0, EXIT_NO_INPUT, EXIT_CONFIG or EXIT_OS; unless 0,
@@ -89,8 +92,9 @@ void site_bus_list(const site* self, char* text, size_t size);
 bool site_same_buses(const site* self, const site* other);
 
 /// Can the next configuration take effect without a restart? The planner's memory is fixed at the
-/// start, and so are the members that service_changed() names. False: one line in error, with the
-/// remedy.
-bool site_may_follow(const site* self, const site* next, char error[CONFIG_ERROR_SIZE]);
+/// start, and so are the members that service_changed() and def->changed() name. False: one line in
+/// error, with the remedy.
+bool site_may_follow(const site* self, const site* next, const site_def* def,
+                     char error[CONFIG_ERROR_SIZE]);
 
 #endif

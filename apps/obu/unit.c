@@ -144,6 +144,24 @@ unit_memory unit_memory_of(const unit* self)
                           .rest = sizeof *self };
 }
 
+void unit_continue(unit* self, const unit* before)
+{
+    self->inbox = before->inbox;
+    inbox_set_limits(&self->inbox, &self->def.limits);
+    inbox_set_map(&self->inbox, self->def.map_crc32);
+    inbox_review(&self->inbox, self->road);
+    inbox_forget_senders(&self->inbox); // new buses give new numbers to senders
+    self->own_state = before->own_state;
+    self->plans[1] = before->plans[1];
+    self->has_last = before->has_last;
+    self->mode = before->mode;
+    self->reason = before->reason;
+    self->reason_vehicle = before->reason_vehicle;
+    self->utime = before->utime;
+    self->sequence = before->sequence;
+    self->counters = before->counters;
+}
+
 // ---- messages -----------------------------------------------------------------------------
 
 static bool offer_state(unit* self, const transport_message* message, inbox_source source)
@@ -152,7 +170,10 @@ static bool offer_state(unit* self, const transport_message* message, inbox_sour
     const bool own = state->vehicle_id == self->def.vehicle_id;
     const int32_t bus = self->def.own_bus;
     if (own && bus >= 0 && message->bus != (uint32_t)bus) {
-        self->counters.own_id_elsewhere++;
+        // The unit forwards its own states; a bus may return them.
+        const bool echo = state->utime <= self->own_state.utime && state->x == self->own_state.x
+                          && state->y == self->own_state.y;
+        self->counters.own_id_elsewhere += echo ? 0u : 1u;
         return false;
     }
     const bool used = inbox_offer_from(&self->inbox, state, source, message->arrival_utime,

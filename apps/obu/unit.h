@@ -66,6 +66,10 @@ bool  unit_offer(unit* self, const transport_message* message);
 /// known; *trajectory is unchanged.
 bool  unit_cycle(unit* self, int64_t utime, verge_vehicle_trajectory_t* trajectory);
 
+/// Continues what another unit of the same vehicle did, with its last trajectory and mode: a new
+/// configuration takes effect. `before` is unchanged.
+void  unit_continue(unit* self, const unit* before);
+
 /// What the last cycle found.
 typedef struct unit_view {
     wire_unit_mode   mode;

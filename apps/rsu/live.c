@@ -204,7 +204,7 @@ static int load(live* self)
     if (self->options->floating_corrected) {
         log_correction(self, "start");
     }
-    code = setup_plan(&self->now, error);
+    code = setup_plan(&self->now, &def, error);
     return code == 0 ? 0 : fail(code, error);
 }
 

@@ -54,7 +54,7 @@ static void load(setup* now)
 {
     char error[CONFIG_ERROR_SIZE];
     memset(now, 0, sizeof *now);
-    if (setup_load(now, &DEF, error) != 0 || setup_plan(now, error) != 0 ||
+    if (setup_load(now, &DEF, error) != 0 || setup_plan(now, &DEF, error) != 0 ||
         setup_connect(now, &DEF, error) != 0) {
         fail_msg("%s", error);
     }

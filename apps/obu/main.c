@@ -1,0 +1,147 @@
+/// verge-obu: the on-vehicle unit. This file reads the options; live.c runs the daemon. Exit codes:
+/// daemon/exit.h.
+#include "live.h"
+
+#include "common/floating.h"
+#include "common/options.h"
+#include "common/road_report.h"
+#include "daemon/check.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <string.h>
+
+typedef struct arguments {
+    const char* config_path;
+    const char* cycles_text;
+    const char* level_text;
+    const char* format_text;
+    log_format  format;
+    bool        check;
+    bool        print;
+    uint64_t    cycles;
+} arguments;
+
+static int  read_arguments(arguments* args, int argc, char** argv);
+static bool ends_here(const arguments* args, int* status);
+
+int main(int argc, char** argv)
+{
+    arguments args;
+    memset(&args, 0, sizeof args);
+    const bool floating_corrected = floating_correct(); // before the first number is read
+    int status = read_arguments(&args, argc, argv);
+    if (status != 0 || args.config_path == NULL || ends_here(&args, &status)) {
+        return status;
+    }
+    const obu_options options = {
+        .config_path = args.config_path,
+        .log_format = args.format_text != NULL ? &args.format : NULL,
+        .floating_corrected = floating_corrected,
+        .cycles = (int64_t)args.cycles,
+    };
+    return obu_run(&options);
+}
+
+static int usage_error(const char* option, const char* text)
+{
+    fprintf(stderr, "verge-obu:%s: %s\n", option, text);
+    return EXIT_USAGE;
+}
+
+/// Returns 0 or an exit code. 0 without a config path: help or version was printed.
+static int read_arguments(arguments* args, int argc, char** argv)
+{
+    const option_entry table[] = {
+        { "--config", "OBU.json", "the configuration; required", &args->config_path, NULL },
+        { "--check-config", NULL, "checks it, prints the memory it needs, and ends", NULL,
+          &args->check },
+        { "--print-config", NULL, "prints it with every default, and ends", NULL, &args->print },
+        { "--cycles", "N", "stops after N cycles", &args->cycles_text, NULL },
+        { "--log-level", "LEVEL", "error, warning, info or debug", &args->level_text, NULL },
+        { "--log-format", "FORMAT", "text or json, instead of log_format of the configuration",
+          &args->format_text, NULL },
+    };
+    const program self = {
+        .name = "verge-obu",
+        .argument = NULL,
+        .text = "The on-vehicle unit: follows the plan of the roadside unit while it is fresh and\n"
+                "safe, and otherwise plans for its vehicle itself.",
+        .options = table,
+        .option_count = sizeof table / sizeof table[0],
+        .usage_status = EXIT_USAGE,
+    };
+    int status = 0;
+    if (!options_parse(&self, argc, argv, NULL, &status)) {
+        args->config_path = NULL;
+        return status;
+    }
+    if (args->config_path == NULL) {
+        return usage_error("--config", "missing, see --help");
+    }
+    bool given = false;
+    if (!options_u64(&self, "--cycles", args->cycles_text, &args->cycles, &given)) {
+        return EXIT_USAGE;
+    }
+    if (given && (args->cycles == 0 || args->cycles > INT32_MAX)) {
+        return usage_error("--cycles", "is out of range, expected 1 to 2147483647");
+    }
+    log_level level = LOG_INFO;
+    if (args->level_text != NULL && !log_level_from(args->level_text, &level)) {
+        return usage_error("--log-level", "is unknown, expected error, warning, info or debug");
+    }
+    if (args->format_text != NULL && !log_format_from(args->format_text, &args->format)) {
+        return usage_error("--log-format", "is unknown, expected text or json");
+    }
+    log_level_set(level);
+    return 0;
+}
+
+/// Prints the memory of the unit, and the road.
+static int print_unit(const arguments* args, const site* site)
+{
+    char  error[CONFIG_ERROR_SIZE];
+    void* made = NULL;
+    const int status = obu_make(&made, site, error);
+    if (status != 0) {
+        fprintf(stderr, "%s:%s\n", args->config_path, error);
+        return status;
+    }
+    const unit_memory memory = unit_memory_of(made);
+    printf("%12zu B  road\n%12zu B  decision, prediction, trajectory\n"
+           "%12zu B  messages, vehicles, last trajectories\n%12zu B  on-vehicle unit, all together\n",
+           memory.road, memory.stages, memory.rest, memory.road + memory.stages + memory.rest);
+    printf("road of %u lanes, map_crc32 0x%08" PRIx32 "\n", site->planner.road.lane_count,
+           site->map_crc32);
+    road_report_print(unit_road(made), &site->planner.road, args->config_path, stdout, stderr);
+    obu_unmake(made);
+    return 0;
+}
+
+/// --check-config and --print-config. True: done, with *status.
+static bool ends_here(const arguments* args, int* status)
+{
+    char error[CONFIG_ERROR_SIZE];
+    site* site = NULL;
+    *status = site_load(&site, &OBU_CONFIG_DEF, args->config_path, error);
+    if (*status != 0) {
+        fprintf(stderr, "%s%s", error, strchr(error, '\n') != NULL ? "" : "\n");
+        return true;
+    }
+    if (args->print) {
+        site_print(site, &OBU_CONFIG_DEF, stdout);
+    }
+    if (args->check) {
+        *status = check_site(site, OBU_BUS_USE, args->config_path, true);
+    }
+    if (args->check && *status == 0 && !args->print) {
+        *status = print_unit(args, site);
+    }
+    site_free(site);
+    const bool ends = args->check || args->print;
+    if (ends && fflush(stdout) != 0 && *status == 0) {
+        fprintf(stderr, "verge-obu:standard output: %s\n", strerror(errno));
+        *status = EXIT_SOFTWARE;
+    }
+    return ends;
+}

@@ -12,6 +12,8 @@ static const double far_m = 1.0, far_mps = 1.0;
 static const double near_m = 0.05, near_mps = 0.1;
 /// An unplanned neighbour that brakes harder is expected to go on braking. [m/s^2]
 static const double brakes_from = 1.0;
+/// Free distance to such a neighbour, ahead of it and behind; less where there is less now. [m]
+static const double braking_gap = 1.5;
 
 struct unit {
     unit_def            def;
@@ -336,6 +338,9 @@ static void track_plan(const unit* self, const verge_vehicle_plan_t* plan, verge
 
 static void track_braking(const unit* self, const verge_vehicle* vehicle, verge_track* track)
 {
+    const verge_vehicle* own = &self->scenes[0].vehicles[self->own];
+    const double room = verge_vehicles_distance(own, vehicle) - self->def.planner.clearance;
+    track->half_length += fmin(braking_gap, fmax(0.9 * room, 0.0));
     for (uint32_t k = 1; k < self->def.planner.points; k++) {
         verge_vehicle then = *vehicle;
         inbox_project(&then, (double)k * self->def.planner.point_s);

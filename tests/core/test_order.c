@@ -792,6 +792,26 @@ static void a_vehicle_that_is_helped_does_not_enter_a_ring_before_a_driver(void*
     }
 }
 
+// A human stands a little before an area, beyond its line: others wait, until it has not used its
+// turn for three seconds.
+static void a_human_who_does_not_use_its_turn_is_passed_over(void** state)
+{
+    (void)state;
+    verge_signal signal;
+    world* w = ruled_crossing(false, &signal);
+    add(w, true, 0, 110.0, 0.0, VERGE_NO_LANE);
+    add(w, false, 1, 100.0, 0.0, VERGE_NO_LANE);
+    look(w);
+    const double enter = (double)w->order->shares[w->order->shares_max].enter;
+    w->positions[1].s += enter - 2.5 - 0.4; // its front is 0.4 m before the area
+    for (uint32_t cycle = 0; cycle < 12; ++cycle) {
+        look(w);
+        assert_int_equal(w->order->rank[0], cycle <= 6 ? 1 : 0);
+        w->scene.utime += 500000;
+    }
+    world_close(w);
+}
+
 // A vehicle that has nothing to wait for and stands is found after three seconds, named and helped.
 static void a_vehicle_that_stands_without_a_cause_is_found(void** state)
 {
@@ -868,6 +888,7 @@ int main(void)
         cmocka_unit_test(drivers_who_yield_to_nobody_are_not_run_into),
         cmocka_unit_test(where_lanes_meet_at_an_angle_a_nose_comes_half_a_second_after_the_rear),
         cmocka_unit_test(a_vehicle_that_is_helped_does_not_enter_a_ring_before_a_driver),
+        cmocka_unit_test(a_human_who_does_not_use_its_turn_is_passed_over),
         cmocka_unit_test(a_vehicle_that_stands_without_a_cause_is_found),
         cmocka_unit_test(areas_are_known_whatever_the_room_for_more_vehicles),
     };

@@ -63,6 +63,7 @@ typedef struct ranking {
     double   key[VERGE_VEHICLES_MAX];    // [s]
     uint64_t must[VERGE_VEHICLES_MAX];   // slots (bits) that come before
     uint64_t lets[VERGE_VEHICLES_MAX];   // slots (bits) in whose way it would be
+    uint64_t passed;                     // slots (bits) that did not use their turn
 } ranking;
 
 static void find_leaders(ranking* self);
@@ -369,6 +370,7 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
             const double patience = self->order->of_humans ? patience_planned : patience_human;
             const bool late = vg_seconds_between(turn.standing, scene->utime) > patience;
             self->key[i] += late ? passed_over : 0.0;
+            self->passed |= late ? (uint64_t)1 << i : 0;
         }
         if ((red && !waits)
             || !vg_order_has_room(self->order, self->model, self->flow, i)) {
@@ -389,11 +391,12 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
 enum { FREE, COMMITTED, INSIDE };
 
 // A vehicle well beyond its stop line is in the way of others as one in the area is, unless it
-// waits for a signal.
+// waits for a signal, or did not use its turn.
 static uint32_t grade(const ranking* self, uint32_t slot, float enter, float margin, float braking)
 {
     const float v = self->flow->v[slot];
-    const float beyond = red_before(self, slot, enter) ? 0.0f : 0.5f * margin;
+    const bool  waits = red_before(self, slot, enter) || (self->passed >> slot & 1u) != 0;
+    const float beyond = waits ? 0.0f : 0.5f * margin;
     const float distance = enter - beyond - self->model->half_length[slot];
     return distance <= 0.0f                    ? INSIDE
            : v * v > 2.0f * braking * distance ? COMMITTED

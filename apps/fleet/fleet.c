@@ -51,7 +51,8 @@ static bool open_units(fleet* self, char* error, size_t error_size)
 {
     const scenario* scene = self->world->scene;
     unit_def def = { .planner = scene->def, .rsu_id = -1, .map_crc32 = self->map_crc32,
-                     .limits = inbox_default_limits(), .own_bus = -1 };
+                     .limits = inbox_default_limits(), .own_bus = -1,
+                     .repeats = self->faults.repeats, .rsu_planner = scene->def };
     def.planner.threads = 1;
     for (uint32_t i = 0; i < self->world->vehicle_count; i++) {
         const verge_vehicle* vehicle = &self->world->vehicles[i].state;
@@ -303,6 +304,8 @@ void fleet_tick(fleet* self)
             const verge_vehicle_plan plan = plan_of(&made);
             world_follow(self->world, &plan, (double)plan.utime * 1e-6);
             note_mode(self, i, &made);
+            repeat_result again;
+            (void)unit_repeat(self->units[i].unit, &again);
         }
     }
 }

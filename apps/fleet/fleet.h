@@ -22,6 +22,7 @@ typedef struct fleet_faults {
     double   loss;          ///< [1] probability that a plan is lost, 0 .. 1
     double   off_from, off_to; ///< [s] the roadside unit is absent from .. to; equal: never
     uint64_t seed;          ///< of the losses
+    bool     repeats;       ///< no fault: each unit plans the cycles of the roadside unit again
 } fleet_faults;
 
 /// A change of mode.

@@ -1,6 +1,7 @@
 #include "config.h"
 
 #include "common/number.h"
+#include "common/planner_json.h"
 
 #include <string.h>
 
@@ -48,6 +49,21 @@ static bool read_planner(site* site, const json_at* root)
     return true;
 }
 
+/// The parameters of the roadside unit whose plans are planned again; null: none are.
+static bool read_repeat(obu_config* self, const json_at* root)
+{
+    static const char* const REPEAT_KEYS[] = { "planner", NULL };
+    const json_at at = json_member(root, "repeat");
+    if (json_none(&at)) {
+        return true;
+    }
+    const json_at planner = json_member(&at, "planner");
+    self->repeats = true;
+    self->rsu_planner = verge_planner_default_def();
+    return json_expect_object(&at, REPEAT_KEYS)
+           && planner_def_from_json(&planner, &self->rsu_planner);
+}
+
 static bool read_own(site* site, const json_at* root)
 {
     obu_config* self = (obu_config*)site;
@@ -63,7 +79,7 @@ static bool read_own(site* site, const json_at* root)
         return json_fail(&state, "is one bus too many, expected at most %d in bus beside it",
                          SITE_BUSES_MAX - 1);
     }
-    return read_planner(site, root);
+    return read_planner(site, root) && read_repeat(self, root);
 }
 
 static void print_url(FILE* out, const char* key, const char* url)
@@ -87,6 +103,14 @@ static void print_own(const site* site, FILE* out)
     }
     print_url(out, "state", self->state);
     print_url(out, "trajectory", self->trajectory);
+    fputs(",\n  \"repeat\": ", out);
+    if (self->repeats) {
+        fputs("{ \"planner\": ", out);
+        planner_def_write(out, &self->rsu_planner);
+        fputs(" }", out);
+    } else {
+        fputs("null", out);
+    }
 }
 
 static const char* changed(const site* site, const struct site* next)
@@ -98,7 +122,8 @@ static const char* changed(const site* site, const struct site* next)
                                                               : NULL;
 }
 
-static const char* const KEYS[] = { "vehicle_id", "rsu_id", "state", "trajectory", NULL };
+static const char* const KEYS[] = { "vehicle_id", "rsu_id", "state", "trajectory", "repeat",
+                                    NULL };
 
 const site_def OBU_CONFIG_DEF = {
     .size = sizeof(obu_config),
@@ -125,6 +150,8 @@ unit_def obu_unit_def(const obu_config* self)
         .rsu_id = self->rsu_id,
         .map_crc32 = self->site.map_crc32,
         .limits = self->site.freshness,
+        .repeats = self->repeats,
+        .rsu_planner = self->rsu_planner,
         .own_bus = self->state[0] != '\0' ? (int32_t)self->site.bus_count : -1,
     };
 }

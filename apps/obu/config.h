@@ -14,6 +14,10 @@
 /// |             |      |                    |          | null: they come on `bus`              |
 /// | `trajectory`|      | bus URL or null    | null     | where the trajectories go to; null:   |
 /// |             |      |                    |          | to `bus`                              |
+/// | `repeat`    |      | {"planner": …} or  | null     | plans each cycle of the roadside unit |
+/// |             |      | null               |          | again, with these parameters of it,   |
+/// |             |      |                    |          | and logs what differs (repeat.h);     |
+/// |             |      |                    |          | `freshness` has to be its own, too    |
 /// | `cycle_ms`  | ms   | 20 .. 1000         | 100      | time between trajectories             |
 /// | `planner.`  |      | as in planner.h    | "policy" | how the unit decides where it is      |
 /// | `search`    |      |                    |          | alone                                 |
@@ -46,6 +50,8 @@ typedef struct obu_config {
     int32_t rsu_id;                    ///< -1: the lowest one
     char    state[SITE_BUS_SIZE];      ///< "": on the buses of the site
     char    trajectory[SITE_BUS_SIZE]; ///< "": to the buses of the site
+    bool    repeats;
+    verge_planner_def rsu_planner;     ///< of the plans that are repeated; without a road
 } obu_config;
 
 /// The keys of verge-obu, for site_load().

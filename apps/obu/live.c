@@ -424,6 +424,24 @@ static void count_misses(live* self, uint64_t ticks)
     }
 }
 
+/// Says whether the roadside unit plans what it would plan from the messages that were heard here.
+static void compare(live* self)
+{
+    static repeat_result result; // large
+    if (!unit_repeat(unit_of(self), &result) || !result.planned) {
+        return;
+    }
+    for (uint32_t i = 0; i < result.difference_count; i++) {
+        const repeat_difference* found = &result.differences[i];
+        log_repeated(LOG_INFO, "plan_compared", (uint32_t)found->kind,
+                     "cycle=%d same=%s vehicle=%d lane=%d state_utime=%" PRId64 " words=\"%s\"",
+                     result.plan.cycle, result.same ? "yes" : "no", found->vehicle_id,
+                     found->lane_id, found->state_utime, repeat_kind_text(found->kind));
+    }
+    log_event(LOG_DEBUG, "plan_repeated", "cycle=%d same=%s", result.plan.cycle,
+              result.same ? "yes" : "no");
+}
+
 static void on_tick(live* self)
 {
     const uint64_t ticks = timer_expirations(self->cycle_fd);
@@ -443,6 +461,7 @@ static void on_tick(live* self)
     }
     self->cycles++;
     timing_add(&self->cycle_time, clock_us(CLOCK_MONOTONIC) - begun);
+    compare(self);
     if (self->notify.watchdog_us > 0) {
         notify_send(&self->notify, "WATCHDOG=1");
     }

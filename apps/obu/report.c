@@ -12,7 +12,7 @@ typedef struct counter {
     uint64_t    value;
     const char* help;
 } counter;
-enum { COUNTERS = 13 };
+enum { COUNTERS = 15 };
 
 static void counters_of(const obu_report* from, counter rows[COUNTERS])
 {
@@ -29,6 +29,9 @@ static void counters_of(const obu_report* from, counter rows[COUNTERS])
         { "left_out", made.left_out, "Neighbours beyond vehicles_max, summed over the cycles." },
         { "unusable", made.unusable, "Neighbours with values that the planner refuses." },
         { "clock_steps", made.clock_steps, "Times the clock has stepped back." },
+        { "plans_repeated", made.repeated, "Plans of the roadside unit planned again." },
+        { "plans_repeated_same", made.repeated_same,
+          "Of the plans planned again, those equal to the message, bit for bit." },
         { "bus_received", bus->received, "Messages received." },
         { "bus_published", bus->published, "Messages sent." },
         { "bus_malformed", bus->malformed, "Messages that cannot be read." },

@@ -15,10 +15,19 @@ static const double brakes_from = 1.0;
 /// Free distance to such a neighbour, ahead of it and behind; less where there is less now. [m]
 static const double braking_gap = 1.5;
 
+/// What plans the cycles of the roadside unit again.
+typedef struct again {
+    repeat         repeat;
+    verge_planner* planner;
+    void*          memory;
+    bool           due;     // a cycle is whole
+} again;
+
 struct unit {
     unit_def            def;
     void*               road_memory;
     void*               stage_memory[3];
+    again*              again;          // null: nothing is planned again
     size_t              road_size, stage_size;
     const verge_road*   road;
     verge_decider*      decider;
@@ -97,6 +106,37 @@ static bool build(unit* self, char* error, size_t error_size)
     return status == VERGE_OK;
 }
 
+static bool build_again(unit* self, const unit_def* def, char* error, size_t error_size)
+{
+    if (!def->repeats) {
+        return true;
+    }
+    verge_planner_def planner = def->rsu_planner;
+    planner.road = def->planner.road;
+    planner.threads = 1;
+    const size_t size = verge_planner_memory_size(&planner);
+    again* made = self->again = calloc(1, sizeof *made);
+    if (made != NULL && size > 0) {
+        made->memory = allocate(size);
+    }
+    if (made == NULL || made->memory == NULL) {
+        snprintf(error, error_size, "repeat: %s", size == 0 ? "the planner refuses these parameters"
+                                                            : "the system refused memory");
+        return false;
+    }
+    const verge_status status = verge_planner_init(&made->planner, &planner, made->memory, size);
+    if (status != VERGE_OK) {
+        snprintf(error, error_size, "repeat: %s", verge_status_text(status));
+        return false;
+    }
+    const repeat_def how = { .planner = made->planner, .vehicles_max = planner.vehicles_max,
+                             .controlled_max = planner.controlled_max, .limits = def->limits,
+                             .map_crc32 = def->map_crc32 };
+    repeat_init(&made->repeat, &how);
+    self->stage_size += size + sizeof *made;
+    return true;
+}
+
 unit* unit_open(const unit_def* def, char* error, size_t error_size)
 {
     unit* self = calloc(1, sizeof *self);
@@ -106,11 +146,11 @@ unit* unit_open(const unit_def* def, char* error, size_t error_size)
     }
     self->def = *def;
     self->def.planner.controlled_max = 1;
-    if (!build(self, error, error_size)) {
+    if (!build(self, error, error_size) || !build_again(self, def, error, error_size)) {
         unit_close(self);
         return NULL;
     }
-    self->def.planner.road = (verge_road_def){ NULL, 0 }; // the road is built
+    self->def.planner.road = self->def.rsu_planner.road = (verge_road_def){ NULL, 0 }; // built
     inbox_init(&self->inbox, &def->limits, VERGE_VEHICLES_MAX, VERGE_CONTROLLED_MAX);
     inbox_set_map(&self->inbox, def->map_crc32);
     const leader_def follow = { .vehicle_id = def->vehicle_id, .rsu_id = def->rsu_id,
@@ -132,6 +172,10 @@ void unit_close(unit* self)
 {
     if (self == NULL) {
         return;
+    }
+    if (self->again != NULL) {
+        free(self->again->memory);
+        free(self->again);
     }
     free(self->road_memory);
     for (uint32_t i = 0; i < 3; i++) {
@@ -183,6 +227,30 @@ static bool offer_state(unit* self, const transport_message* message, inbox_sour
     if (own && used) {
         self->own_state = *state;
     }
+    if (used && self->again != NULL) {
+        repeat_state(&self->again->repeat, state);
+    }
+    return used;
+}
+
+static bool offer_plan(unit* self, const transport_message* message, inbox_source source)
+{
+    const verge_vehicle_plan_t* plan = &message->as.plan;
+    const bool used =
+        leader_offer(&self->leader, plan, source, message->arrival_utime) == LEADER_ACCEPTED;
+    if (used && self->again != NULL) {
+        self->again->due = repeat_plan(&self->again->repeat, plan) || self->again->due;
+    }
+    return used;
+}
+
+static bool offer_signal(unit* self, const transport_message* message)
+{
+    const bool used = inbox_offer_signal(&self->inbox, &message->as.signal, message->arrival_utime,
+                                         self->road) == INBOX_ACCEPTED;
+    if (used && self->again != NULL) {
+        repeat_signal(&self->again->repeat, &message->as.signal);
+    }
     return used;
 }
 
@@ -191,14 +259,22 @@ bool unit_offer(unit* self, const transport_message* message)
     const inbox_source source = { .sender = message->sender, .bus = message->bus };
     switch (message->kind) {
     case TRANSPORT_STATE: return offer_state(self, message, source);
-    case TRANSPORT_PLAN:
-        return leader_offer(&self->leader, &message->as.plan, source, message->arrival_utime)
-               == LEADER_ACCEPTED;
-    case TRANSPORT_SIGNAL:
-        return inbox_offer_signal(&self->inbox, &message->as.signal, message->arrival_utime,
-                                  self->road) == INBOX_ACCEPTED;
+    case TRANSPORT_PLAN: return offer_plan(self, message, source);
+    case TRANSPORT_SIGNAL: return offer_signal(self, message);
     default: return false;
     }
+}
+
+bool unit_repeat(unit* self, repeat_result* result)
+{
+    if (self->again == NULL || !self->again->due) {
+        return false;
+    }
+    self->again->due = false;
+    repeat_run(&self->again->repeat, self->def.vehicle_id, result);
+    self->counters.repeated += result->planned ? 1u : 0u;
+    self->counters.repeated_same += result->planned && result->same ? 1u : 0u;
+    return true;
 }
 
 // ---- the vehicles of a cycle --------------------------------------------------------------
@@ -535,26 +611,6 @@ static void choose(unit* self, choice* chosen)
     }
 }
 
-/// The plan of the roadside unit in the planner's form: the next cycle begins from it.
-static void plan_followed(const unit* self, const verge_vehicle_plan_t* rest,
-                          verge_vehicle_plan* plan)
-{
-    verge_vehicle_decision decided;
-    memset(plan, 0, sizeof *plan);
-    plan->vehicle_id = self->def.vehicle_id;
-    plan->utime = rest->utime;
-    plan->status = (verge_plan_status)rest->status;
-    plan->reason = (verge_reason)rest->reason;
-    plan->change_lane_id = VERGE_NO_LANE;
-    plan->point_count = wire_points_from_plan(rest, plan->points);
-    if (wire_decision_from_plan(rest, &decided)) {
-        plan->action_count = decided.step_count;
-        memcpy(plan->actions, decided.steps, decided.step_count * sizeof decided.steps[0]);
-        plan->decided = decided.steps[0].action;
-        plan->why = decided.why;
-    }
-}
-
 static wire_plan_header header_of(const unit* self, const verge_vehicle_plan* plan)
 {
     const double us = (double)(plan->point_count - 1u) * self->def.planner.point_s * 1e6;
@@ -619,7 +675,7 @@ static void plan_following(unit* self, choice* chosen, verge_vehicle_plan* plan)
 {
     verge_vehicle_decision decided;
     if (chosen->tracked) {
-        plan_followed(self, &chosen->rest, plan);
+        (void)wire_vehicle_plan_from_plan(&chosen->rest, plan); // the next cycle begins from it
     } else if (!wire_decision_from_plan(&chosen->rest, &decided)
                || !plan_decided(self, &decided, plan)
                || (plan->status != VERGE_PLANNED && chosen->rest.status == VERGE_PLANNED)) {

@@ -27,6 +27,7 @@
 
 #include "leader.h"
 
+#include "verge/repeat.h"
 #include "verge/verge.h"
 
 typedef struct unit_def {
@@ -37,6 +38,8 @@ typedef struct unit_def {
     uint32_t          map_crc32;
     inbox_limits      limits;
     int32_t           own_bus;  ///< number of the bus on which own states arrive, -1: any
+    bool              repeats;  ///< the plans of the roadside unit are planned again (repeat.h)
+    verge_planner_def rsu_planner; ///< its parameters, for this; the road is that of `planner`
 } unit_def;
 
 typedef struct unit_counters {
@@ -50,6 +53,8 @@ typedef struct unit_counters {
     uint64_t left_out;        ///< neighbours beyond vehicles_max, summed over cycles
     uint64_t unusable;        ///< neighbours that the planner refuses
     uint64_t clock_steps;     ///< times the clock has stepped back
+    uint64_t repeated;        ///< plans of the roadside unit that were planned again
+    uint64_t repeated_same;   ///< of these, equal to the message, bit for bit
 } unit_counters;
 
 typedef struct unit unit;
@@ -65,6 +70,11 @@ bool  unit_offer(unit* self, const transport_message* message);
 /// The trajectory of the cycle at utime [us]. False: there is none, because no position was ever
 /// known; *trajectory is unchanged.
 bool  unit_cycle(unit* self, int64_t utime, verge_vehicle_trajectory_t* trajectory);
+
+/// Plans the last whole cycle of the roadside unit again, if there is a new one and the unit does so.
+/// True: *result says whether the own plan is the same, and what differs. It takes as long as the
+/// trajectories of a cycle of the roadside unit.
+bool  unit_repeat(unit* self, repeat_result* result);
 
 /// Continues what another unit of the same vehicle did, with its last trajectory and mode: a new
 /// configuration takes effect. `before` is unchanged.

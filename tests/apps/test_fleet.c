@@ -23,6 +23,7 @@ typedef struct outcome {
     double   departed;     ///< [s] first departure because of a contact; NaN: none
     uint64_t by_mode[WIRE_UNIT_MODES];
     uint64_t trajectories;
+    uint64_t repeated, same; ///< plans of the roadside unit planned again; equal bit for bit
 } outcome;
 
 static const fleet_faults none = { .delay_s = 0.0 };
@@ -65,6 +66,8 @@ static outcome drive(const scenario* scene, const fleet_faults* faults)
     }
     for (uint32_t i = 0; i < world.vehicle_count; ++i) {
         const unit_counters counters = fleet_count(fleet, world.vehicles[i].state.id);
+        out.repeated += counters.repeated;
+        out.same += counters.repeated_same;
         for (int k = 0; k < WIRE_UNIT_MODES; ++k) {
             out.by_mode[k] += counters.by_mode[k];
             out.trajectories += counters.by_mode[k];
@@ -95,6 +98,18 @@ static void on_a_good_bus_plans_are_followed(void** state)
         const outcome out = drive_shipped(SCENES[i], &none);
         assert_true(out.reached);
         assert_true(out.by_mode[WIRE_FOLLOWING] * 100 >= out.trajectories * 95);
+    }
+}
+
+static void on_a_good_bus_units_repeat_each_plan_bit_for_bit(void** state)
+{
+    (void)state;
+    for (uint32_t i = 0; i < SCENE_COUNT; ++i) {
+        const fleet_faults repeats = { .repeats = true };
+        const outcome out = drive_shipped(SCENES[i], &repeats);
+        printf("             %s: %d of %d\n", SCENES[i], (int)out.same, (int)out.repeated);
+        assert_true(out.repeated > 20);
+        assert_int_equal(out.same, out.repeated);
     }
 }
 
@@ -249,6 +264,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(on_a_good_bus_plans_are_followed),
+        cmocka_unit_test(on_a_good_bus_units_repeat_each_plan_bit_for_bit),
         cmocka_unit_test(late_and_lost_plans_cause_no_contact),
         cmocka_unit_test(without_a_roadside_unit_for_a_while_the_vehicles_drive_on),
         cmocka_unit_test(without_a_roadside_unit_at_all_there_is_no_contact),

@@ -54,7 +54,7 @@ static bool open_units(fleet* self, char* error, size_t error_size)
                      .limits = inbox_default_limits(), .own_bus = -1,
                      .repeats = self->faults.repeats, .rsu_planner = scene->def };
     def.planner.threads = 1;
-    for (uint32_t i = 0; i < self->world->vehicle_count; i++) {
+    for (uint32_t i = 0; i < self->world->vehicle_count && !self->faults.without_units; i++) {
         const verge_vehicle* vehicle = &self->world->vehicles[i].state;
         if (vehicle->controlled && self->unit_count < VERGE_CONTROLLED_MAX) {
             def.vehicle_id = vehicle->id;
@@ -187,8 +187,12 @@ static void deliver_plans(fleet* self)
             self->queue[kept++] = self->queue[i];
             continue;
         }
+        verge_vehicle_plan plan;
         message.kind = TRANSPORT_PLAN;
         message.as.plan = self->queue[i].plan;
+        if (self->faults.without_units && wire_vehicle_plan_from_plan(&message.as.plan, &plan)) {
+            world_follow(self->world, &plan, (double)(message.as.plan.utime - epoch) * 1e-6);
+        }
         send_to_units(self, &message, self->queue[i].sender);
     }
     self->queue_count = kept;

@@ -18,6 +18,7 @@
 #include "common/world.h"
 
 typedef struct fleet_faults {
+    bool     without_units; ///< no fault: vehicles drive the plans as they arrive
     double   delay_s;       ///< [s] 0 .. 1
     double   loss;          ///< [1] probability that a plan is lost, 0 .. 1
     double   off_from, off_to; ///< [s] the roadside unit is absent from .. to; equal: never

@@ -48,11 +48,9 @@ int main(int argc, char** argv)
           &no_timing },
         { "--units", NULL, "an on-vehicle unit (as verge-obu) drives each controlled vehicle", NULL,
           &units },
-        { "--plan-delay", "S", "with --units: plans arrive S seconds late", &faults_text[0], NULL },
-        { "--plan-loss", "SHARE", "with --units: this share of the plans is lost", &faults_text[1],
-          NULL },
-        { "--rsu-off", "FROM-TO", "with --units: no roadside unit from .. to [s]", &faults_text[2],
-          NULL },
+        { "--plan-delay", "S", "plans arrive S seconds late", &faults_text[0], NULL },
+        { "--plan-loss", "SHARE", "this share of the plans is lost", &faults_text[1], NULL },
+        { "--rsu-off", "FROM-TO", "there is no roadside unit from .. to [s]", &faults_text[2], NULL },
     };
     const program self = {
         .name = "verge-sim",
@@ -74,7 +72,10 @@ int main(int argc, char** argv)
     fleet_faults faults = { .seed = scene.def.seed };
     status = 2;
     if (read_faults(&self, faults_text, &faults)) {
-        status = run(&scene, out, !no_timing, units ? &faults : NULL);
+        const bool messages = units || faults_text[0] != NULL || faults_text[1] != NULL
+                              || faults_text[2] != NULL;
+        faults.without_units = !units;
+        status = run(&scene, out, !no_timing, messages ? &faults : NULL);
     }
     scenario_free(&scene);
     return status;

@@ -54,7 +54,7 @@ struct unit {
     wire_unit_mode      mode;
     wire_unit_reason    reason;
     int32_t             reason_vehicle;
-    int64_t             departed;       // [us] utime of the plan departed from; 0: none
+    int64_t             departed;       // [us] utime of the last plan departed from; 0: none
     int64_t             utime;          // [us] of the last cycle
     int64_t             state_utime;    // [us] of the own state in it
     int32_t             sequence;
@@ -552,6 +552,7 @@ typedef struct choice {
     int32_t          vehicle;
     bool             tracked;  // following the very points of the plan
     bool             has_rest;
+    int64_t          plan_utime; // [us] of that plan
     verge_vehicle_plan_t rest; // of the plan that is followed or departed from
 } choice;
 
@@ -596,6 +597,7 @@ static void choose(unit* self, choice* chosen)
         return;
     }
     chosen->has_rest = true;
+    chosen->plan_utime = plan->utime;
     chosen->mode = WIRE_DEPARTING;
     if (!fits(plan, &self->scenes[0].vehicles[self->own], self->utime)) {
         chosen->reason = WIRE_UNIT_PLAN_FAR;
@@ -660,10 +662,9 @@ static void adopt(unit* self, const choice* chosen)
     self->mode = chosen->mode;
     self->reason = chosen->reason;
     self->reason_vehicle = chosen->vehicle;
-    self->departed = chosen->mode == WIRE_FOLLOWING                        ? 0
-                     : chosen->mode == WIRE_DEPARTING && chosen->has_rest ? leader_plan_of(
-                           &self->leader, self->def.vehicle_id, self->utime)->utime
-                                                                          : self->departed;
+    if (chosen->mode == WIRE_DEPARTING) {
+        self->departed = chosen->plan_utime;
+    }
     if (chosen->mode == WIRE_FOLLOWING) { // own decisions begin anew after it
         memset(&self->commitment, 0, sizeof self->commitment);
     }

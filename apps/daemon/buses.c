@@ -85,21 +85,26 @@ void buses_publish(buses* self, transport_kind kind, const void* message)
     }
 }
 
+void buses_add(transport_stats* sum, const transport* bus)
+{
+    const transport_stats stats = transport_statistics(bus);
+    sum->received += stats.received;
+    sum->published += stats.published;
+    sum->malformed += stats.malformed;
+    sum->foreign += stats.foreign;
+    sum->dropped += stats.dropped;
+    sum->errors += stats.errors;
+    sum->lost += stats.lost;
+    for (uint32_t k = 0; k < TRANSPORT_REFUSALS; k++) {
+        sum->refused[k] += stats.refused[k];
+    }
+}
+
 transport_stats buses_statistics(const buses* self)
 {
     transport_stats sum = self->past;
     for (uint32_t i = 0; i < self->count; i++) {
-        const transport_stats stats = transport_statistics(self->bus[i]);
-        sum.received += stats.received;
-        sum.published += stats.published;
-        sum.malformed += stats.malformed;
-        sum.foreign += stats.foreign;
-        sum.dropped += stats.dropped;
-        sum.errors += stats.errors;
-        sum.lost += stats.lost;
-        for (uint32_t k = 0; k < TRANSPORT_REFUSALS; k++) {
-            sum.refused[k] += stats.refused[k];
-        }
+        buses_add(&sum, self->bus[i]);
     }
     return sum;
 }

@@ -43,6 +43,8 @@ uint32_t buses_drain(buses* self, uint32_t bus, transport_message* messages, uin
 void buses_publish(buses* self, transport_kind kind, const void* message);
 
 transport_stats buses_statistics(const buses* self);
+/// Adds the counters of one bus.
+void buses_add(transport_stats* sum, const transport* bus);
 /// The errors of this bus so far if there are new ones since the last call, else 0.
 uint64_t buses_new_errors(buses* self, uint32_t bus);
 

@@ -8,11 +8,9 @@
 #include <string.h>
 #include <time.h>
 
-/// Checks one bus by itself, so that a missing bus does not hide the errors of another one.
-static int check_bus(const site* site, uint32_t index, unsigned use, const char* config_path,
-                     char error[CONFIG_ERROR_SIZE])
+int check_bus(const site* site, const char* key, const char* url, unsigned use,
+              const char* config_path, char error[CONFIG_ERROR_SIZE])
 {
-    const char* url = site->bus[index];
     const transport_options* options = &site->bus_options.transport;
     transport* bus = NULL;
     const int result = transport_open_with(&bus, url, use, options, error, CONFIG_ERROR_SIZE);
@@ -21,16 +19,16 @@ static int check_bus(const site* site, uint32_t index, unsigned use, const char*
         return EXIT_CONFIG;
     }
     if (result != TRANSPORT_OK) {
-        fprintf(stderr, "%s:bus: warning: not available now: %s\n", config_path, error);
+        fprintf(stderr, "%s:%s: warning: not available now: %s\n", config_path, key, error);
     }
     if (transport_exposed(url, options, error, CONFIG_ERROR_SIZE)) {
-        fprintf(stderr, "%s:bus: warning: %s\n", config_path, error);
+        fprintf(stderr, "%s:%s: warning: %s\n", config_path, key, error);
     }
     int64_t       expiry = 0;
     const int64_t utime = (int64_t)time(NULL) * 1000000;
     if (transport_expires(url, options, &expiry, error, CONFIG_ERROR_SIZE) &&
         buses_days_left(expiry, utime) < BUSES_EXPIRY_DAYS) {
-        fprintf(stderr, "%s:bus: warning: %s\n", config_path, error);
+        fprintf(stderr, "%s:%s: warning: %s\n", config_path, key, error);
     }
     return 0;
 }
@@ -69,8 +67,9 @@ int check_site(const site* site, unsigned use, const char* config_path, bool qui
     char     error[CONFIG_ERROR_SIZE];
     planning built;
     int status = planning_open(&built, &site->planner, NULL, error);
+    // Each by itself, so that a missing bus does not hide the errors of another one.
     for (uint32_t i = 0; status == 0 && i < site->bus_count; i++) {
-        status = check_bus(site, i, use, config_path, error);
+        status = check_bus(site, "bus", site->bus[i], use, config_path, error);
     }
     if (status == 0) {
         check_beside(site, config_path);

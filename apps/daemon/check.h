@@ -12,4 +12,9 @@
 /// EXIT_OS.
 int check_site(const site* site, unsigned use, const char* config_path, bool quiet);
 
+/// The same for the bus of one key. Returns 0, or EXIT_CONFIG with a line in error, without
+/// config_path.
+int check_bus(const site* site, const char* key, const char* url, unsigned use,
+              const char* config_path, char error[CONFIG_ERROR_SIZE]);
+
 #endif

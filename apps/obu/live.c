@@ -545,11 +545,7 @@ static transport_stats statistics(const live* self)
     const transport* own[] = { self->state_bus, self->trajectory_bus };
     for (unsigned i = 0; i < sizeof own / sizeof own[0]; i++) {
         if (own[i] != NULL) {
-            const transport_stats stats = transport_statistics(own[i]);
-            sum.received += stats.received;
-            sum.published += stats.published;
-            sum.malformed += stats.malformed;
-            sum.errors += stats.errors;
+            buses_add(&sum, own[i]);
         }
     }
     return sum;

@@ -118,6 +118,25 @@ static int print_unit(const arguments* args, const site* site)
     return 0;
 }
 
+/// The two buses of the vehicle itself.
+static int check_own(const arguments* args, const site* site)
+{
+    const obu_config* config = obu_config_of(site);
+    char error[CONFIG_ERROR_SIZE];
+    int  status = 0;
+    if (config->state[0] != '\0') {
+        status = check_bus(site, "state", config->state, TRANSPORT_STATES, args->config_path, error);
+    }
+    if (status == 0 && config->trajectory[0] != '\0') {
+        status = check_bus(site, "trajectory", config->trajectory, TRANSPORT_SENDS_TRAJECTORIES,
+                           args->config_path, error);
+    }
+    if (status != 0) {
+        fprintf(stderr, "%s:%s\n", args->config_path, error);
+    }
+    return status;
+}
+
 /// --check-config and --print-config. True: done, with *status.
 static bool ends_here(const arguments* args, int* status)
 {
@@ -133,6 +152,9 @@ static bool ends_here(const arguments* args, int* status)
     }
     if (args->check) {
         *status = check_site(site, OBU_BUS_USE, args->config_path, true);
+    }
+    if (args->check && *status == 0) {
+        *status = check_own(args, site);
     }
     if (args->check && *status == 0 && !args->print) {
         *status = print_unit(args, site);

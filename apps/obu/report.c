@@ -35,7 +35,9 @@ static void counters_of(const obu_report* from, counter rows[COUNTERS])
         { "bus_received", bus->received, "Messages received." },
         { "bus_published", bus->published, "Messages sent." },
         { "bus_malformed", bus->malformed, "Messages that cannot be read." },
+        { "bus_foreign", bus->foreign, "Messages received of other channels or topics." },
         { "bus_errors", bus->errors, "Failed sends and receives." },
+        { "bus_lost", bus->lost, "DDS: senders that left or fell silent, and missed deadlines." },
     };
     memcpy(rows, all, sizeof all);
 }
@@ -115,6 +117,7 @@ void obu_report_status(text* out, const obu_report* from)
     add_members(out, "counters", rows, COUNTERS);
     add_members(out, "plans", plans, LEADER_VERDICTS);
     add_members(out, "states", states, STATE_RESULTS);
+    page_strangers_json(out, &from->bus);
     text_add(out, "}\n");
 }
 
@@ -215,6 +218,7 @@ void obu_report_metrics(text* out, const obu_report* from)
                  LEADER_VERDICTS);
     add_labelled(out, "verge_rx_total", "result", "Vehicle states received, by result.", states,
                  STATE_RESULTS);
+    page_strangers(out, &from->bus);
     add_cycle_times(out, from->cycle_time);
     page_value(out, "verge_deadline_misses_total", "counter", "Ticks without a trajectory in time.",
                (int64_t)from->deadline_misses);

@@ -27,7 +27,8 @@ typedef struct obu_report {
 /// {"version":…, "vehicle_id":…, "mode":…, "reason":…, "about":…, "rsu_id":…, "followed_cycle":…,
 /// "bus":…, "cycle_ms":…, "utime":…, "start_utime":…, "map_crc32":…, "config_crc32":…,
 /// "neighbours":…, "cycle_us":{last, p99, max}, "deadline_misses":…, "log_dropped":…,
-/// "trajectories":{by mode}, "counters":{…}, "plans":{by verdict}, "states":{by verdict}}.
+/// "trajectories":{by mode}, "counters":{…}, "plans":{by verdict}, "states":{by verdict},
+/// "strangers":{by reason}}.
 void obu_report_status(text* out, const obu_report* from);
 /// {"utime":…, "vehicles":[…]}: the vehicles of the last cycle, as verge-rsu has them.
 void obu_report_vehicles(text* out, const obu_report* from);

@@ -206,6 +206,7 @@ void unit_continue(unit* self, const unit* before)
     self->utime = before->utime;
     self->sequence = before->sequence;
     self->counters = before->counters;
+    memcpy(self->leader.counters, before->leader.counters, sizeof self->leader.counters);
 }
 
 // ---- messages -----------------------------------------------------------------------------

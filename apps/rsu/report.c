@@ -2,6 +2,7 @@
 #include "report.h"
 
 #include "common/message_json.h"
+#include "daemon/page.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -58,16 +59,6 @@ static void add_counters(text* out, const report_input* from)
     text_add(out, "}");
 }
 
-static void add_strangers_json(text* out, const transport_stats* bus)
-{
-    text_add(out, ",\"strangers\":{");
-    for (int i = TRANSPORT_ADMITTED + 1; i < TRANSPORT_REFUSALS; i++) {
-        text_add(out, "%s\"%s\":%" PRIu64, i > TRANSPORT_ADMITTED + 1 ? "," : "",
-                 transport_refusal_name((transport_refusal)i), bus->refused[i]);
-    }
-    text_add(out, "}");
-}
-
 static void add_others_json(text* out, const report_input* from)
 {
     const char* comma = "";
@@ -106,7 +97,7 @@ void report_status(text* out, const report_input* from)
              from->config->site.cycle_ms, from->log_dropped, from->record_dropped);
     add_others_json(out, from);
     add_counters(out, from);
-    add_strangers_json(out, &from->bus);
+    page_strangers_json(out, &from->bus);
     text_add(out, ",\"status\":");
     message_json(out, TRANSPORT_STATUS, status);
     text_add(out, "}\n");
@@ -231,17 +222,6 @@ static void add_received(text* out, const verge_rsu_status_t* status)
     }
 }
 
-/// Only lcm: buses with keys or an allow list have these; malformed counts them, too.
-static void add_strangers(text* out, const transport_stats* bus)
-{
-    head(out, "verge_strangers_total", "counter",
-         "Messages refused because of their sender, by reason; malformed counts them, too.");
-    for (int i = TRANSPORT_ADMITTED + 1; i < TRANSPORT_REFUSALS; i++) {
-        text_add(out, "verge_strangers_total{reason=\"%s\"} %" PRIu64 "\n",
-                 transport_refusal_name((transport_refusal)i), bus->refused[i]);
-    }
-}
-
 static void add_arena(text* out, const verge_rsu_status_t* status)
 {
     head(out, "verge_arena_bytes", "gauge", "The planner's memory: its size, and the peak.");
@@ -297,7 +277,7 @@ void report_metrics(text* out, const report_input* from)
            "Events missing in the recording, for the same reasons.",
            (int64_t)from->record_dropped);
     add_received(out, status);
-    add_strangers(out, &from->bus);
+    page_strangers(out, &from->bus);
     add_totals(out, from);
     add_arena(out, status);
     single(out, "verge_nodes_peak", "gauge", "The most nodes that the search tree had.",

@@ -1,5 +1,5 @@
-/// verge-ctl: sends a request to the control socket of a running verge-rsu and prints the answer,
-/// as tables or as JSON.
+/// verge-ctl: sends a request to the control socket of a running verge-rsu or verge-obu and prints
+/// the answer, as tables or as JSON.
 #define _GNU_SOURCE
 #include "common/json.h"
 #include "common/message_json.h"
@@ -49,8 +49,8 @@ int main(int argc, char** argv)
     const program self = {
         .name = "verge-ctl",
         .argument = "status|vehicles|plans|reload",
-        .text = "Prints state, vehicles or plans of a running verge-rsu, or makes it read its\n"
-                "configuration again.",
+        .text = "Prints state, vehicles or plans of a running verge-rsu or verge-obu, or makes it\n"
+                "read its configuration again.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,
@@ -72,7 +72,7 @@ int main(int argc, char** argv)
     json_file file;
     if (!json_file_parse(&file, path, answer, strlen(answer))) {
         make_printable(file.error);
-        fprintf(stderr, "verge-ctl: no answer of a verge-rsu: %s", file.error);
+        fprintf(stderr, "verge-ctl: no answer of a verge-rsu or verge-obu: %s", file.error);
         return EXIT_UNAVAILABLE;
     }
     const json_at root = json_root(&file);
@@ -92,7 +92,7 @@ static int unreachable(const char* path)
     const char* remedy =
         errno == EACCES ? "expected a user of the socket's group"
         : errno == EAGAIN ? "the daemon does not answer"
-        : "expected a running verge-rsu whose configuration has this path as control";
+        : "expected a running verge-rsu or verge-obu whose configuration has this path as control";
     fprintf(stderr, "verge-ctl: %s: %s, %s\n", path, strerror(errno), remedy);
     return EXIT_UNAVAILABLE;
 }
@@ -264,15 +264,16 @@ static void show_lacking(const json_at* counters)
     }
 }
 
-/// Messages refused because of their sender, by reason.
-static void show_strangers(const json_at* root)
+/// Counters above 0 of an object whose keys begin with a prefix, but for one of them.
+static void show_counted(const json_at* of, const char* prefix, const char* but)
 {
-    const json_at strangers = json_member(root, "strangers");
+    const size_t length = strlen(prefix);
     const cJSON* member = NULL;
-    cJSON_ArrayForEach(member, strangers.node)
+    cJSON_ArrayForEach(member, of->node)
     {
-        if (member->valuedouble > 0) {
-            printf(", %.0f %s", member->valuedouble, member->string);
+        if (member->string != NULL && strncmp(member->string, prefix, length) == 0
+            && strcmp(member->string + length, but) != 0 && member->valuedouble > 0) {
+            printf(", %.0f %s", member->valuedouble, member->string + length);
         }
     }
 }
@@ -296,27 +297,98 @@ static void show_others(const json_at* root)
                                                          : "\n");
 }
 
+static void show_up(const json_at* of)
+{
+    const int64_t up = (whole(of, "utime") - whole(of, "start_utime")) / 1000000;
+    printf("  up               %" PRId64 " h %02" PRId64 " min %02" PRId64 " s\n", up / 3600,
+           up / 60 % 60, up % 60);
+}
+
+static void show_cycle_time(double last_us, double p99_us, double max_us, int64_t misses)
+{
+    printf("  cycle time       last %.1f ms, p99 %.1f ms, max %.1f ms, %" PRId64
+           " deadline misses\n", last_us * 1e-3, p99_us * 1e-3, max_us * 1e-3, misses);
+}
+
+static void show_messages(const json_at* root, const json_at* counters)
+{
+    printf("\n  messages         %" PRId64 " received, %" PRId64 " sent, %" PRId64
+           " bus errors, %" PRId64 " of other channels, %" PRId64 " senders lost",
+           counted(counters, "bus_received"), counted(counters, "bus_published"),
+           counted(counters, "bus_errors"), counted(counters, "bus_foreign"),
+           counted(counters, "bus_lost"));
+    const json_at strangers = json_member(root, "strangers");
+    show_counted(&strangers, "", "");
+}
+
+/// Of an on-vehicle unit: its mode and the reason, the plan, the counters.
+static void show_unit(const json_at* root)
+{
+    const json_at times = json_member(root, "cycle_us"), made = json_member(root, "trajectories");
+    const json_at plans = json_member(root, "plans"), states = json_member(root, "states");
+    const json_at counters = json_member(root, "counters");
+    const int64_t about = whole(root, "about"), cycle = whole(root, "followed_cycle");
+    const int64_t age_ms = whole(root, "state_age_ms");
+    printf("verge-obu %s, vehicle %" PRId64 ": %s, %s", json_string(root, "version"),
+           whole(root, "vehicle_id"), json_string(root, "mode"), json_string(root, "reason"));
+    if (about >= 0) {
+        printf(" with vehicle %" PRId64, about);
+    }
+    printf("\n  bus              %s\n", json_string(root, "bus"));
+    show_up(root);
+    printf("  configuration    %s, map %s\n", json_string(root, "config_crc32"),
+           json_string(root, "map_crc32"));
+    if (age_ms >= 0) {
+        printf("  own state        %" PRId64 " ms old\n", age_ms);
+    } else {
+        printf("  own state        none\n");
+    }
+    if (cycle >= 0) {
+        printf("  plan             cycle %" PRId64 " of roadside unit %" PRId64 "\n", cycle,
+               whole(root, "rsu_id"));
+    } else {
+        printf("  plan             none\n");
+    }
+    printf("  neighbours       %" PRId64 "\n", whole(root, "neighbours"));
+    printf("  cycle            %" PRId64 ", each %" PRId64 " ms\n", counted(&counters, "cycles"),
+           whole(root, "cycle_ms"));
+    show_cycle_time(real(&times, "last"), real(&times, "p99"), real(&times, "max"),
+                    whole(root, "deadline_misses"));
+    printf("  trajectories     %" PRId64 " following, %" PRId64 " departing, %" PRId64
+           " alone, %" PRId64 " stopping; %" PRId64 " fallbacks, %" PRId64 " changes of mode\n",
+           whole(&made, "following"), whole(&made, "departing"), whole(&made, "alone"),
+           whole(&made, "stopping"), counted(&counters, "fallbacks"),
+           counted(&counters, "mode_changes"));
+    printf("  plans            %" PRId64 " accepted", whole(&plans, "accepted"));
+    show_counted(&plans, "", "accepted");
+    printf("\n  states           %" PRId64 " accepted", whole(&states, "accepted"));
+    show_counted(&states, "", "accepted");
+    show_messages(root, &counters);
+    printf("\n  lost             %" PRId64 " lines of the log\n", whole(root, "log_dropped"));
+}
+
 static void show_status(const json_at* root)
 {
+    const json_at mode = json_member(root, "mode");
+    if (json_given(&mode)) {
+        show_unit(root);
+        return;
+    }
     const json_at of = json_member(root, "status");
-    const int64_t up = (whole(&of, "utime") - whole(&of, "start_utime")) / 1000000;
     printf("verge-rsu %s, rsu_id %" PRId64 ": %s", json_string(root, "version"),
            whole(&of, "rsu_id"), json_string(root, "state"));
     show_faults(root);
     printf("\n  bus              %s\n", json_string(root, "bus"));
     show_others(root);
-    printf("  up               %" PRId64 " h %02" PRId64 " min %02" PRId64 " s\n", up / 3600,
-           up / 60 % 60, up % 60);
+    show_up(&of);
     printf("  configuration    %s, map %s\n", json_string(&of, "config_crc32"),
            json_string(&of, "map_crc32"));
     printf("  vehicles         %" PRId64 " seen, %" PRId64 " planned\n",
            whole(&of, "vehicles_seen"), whole(&of, "vehicles_controlled"));
     printf("  cycle            %" PRId64 ", each %" PRId64 " ms\n", whole(&of, "cycle"),
            whole(root, "cycle_ms"));
-    printf("  cycle time       last %.1f ms, p99 %.1f ms, max %.1f ms, %" PRId64
-           " deadline misses\n", real(&of, "cycle_us_last") * 1e-3,
-           real(&of, "cycle_us_p99") * 1e-3, real(&of, "cycle_us_max") * 1e-3,
-           whole(&of, "deadline_misses"));
+    show_cycle_time(real(&of, "cycle_us_last"), real(&of, "cycle_us_p99"),
+                    real(&of, "cycle_us_max"), whole(&of, "deadline_misses"));
     const json_at counters = json_member(root, "counters");
     printf("  plans            %" PRId64 " sent, %" PRId64 " of them fallbacks, %" PRId64
            " for late ones; %" PRId64 " cancelled\n",
@@ -325,22 +397,9 @@ static void show_status(const json_at* root)
     printf("  standstills      %" PRId64 " circles reordered, %" PRId64 " vehicles unstuck\n",
            counted(&counters, "reordered"), counted(&counters, "unstuck"));
     printf("  states           %" PRId64 " accepted", whole(&of, "rx_accepted"));
-    const cJSON* member = NULL;
-    cJSON_ArrayForEach(member, of.node)
-    {
-        const bool counts = strncmp(member->string, "rx_", 3) == 0 &&
-                            strcmp(member->string, "rx_accepted") != 0;
-        if (counts && member->valuedouble > 0) {
-            printf(", %.0f %s", member->valuedouble, member->string + 3);
-        }
-    }
+    show_counted(&of, "rx_", "accepted");
     show_lacking(&counters);
-    printf("\n  messages         %" PRId64 " received, %" PRId64 " sent, %" PRId64
-           " bus errors, %" PRId64 " of other channels, %" PRId64 " senders lost",
-           counted(&counters, "bus_received"), counted(&counters, "bus_published"),
-           counted(&counters, "bus_errors"), counted(&counters, "bus_foreign"),
-           counted(&counters, "bus_lost"));
-    show_strangers(root);
+    show_messages(root, &counters);
     printf("\n  lost             %" PRId64 " lines of the log, %" PRId64 " events of the recording",
            json_integer_or(root, "log_dropped", 0, INT64_MAX / 2, 0),
            json_integer_or(root, "record_dropped", 0, INT64_MAX / 2, 0));

@@ -125,7 +125,7 @@ def verge_ctl_says_what_is_wrong_by_its_exit_code(rig):
     end.recv(100)
     end.sendall(b"220 smtp\n")
     end.close()
-    check(child.wait(10) == 69 and "no answer of a verge-rsu" in child.stderr.read(), "69")
+    check(child.wait(10) == 69 and "no answer of a verge-rsu or verge-obu" in child.stderr.read(), "69")
 
 
 def obeyed(text):

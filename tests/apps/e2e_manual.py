@@ -2,8 +2,9 @@
 """Claim: the manual pages and the completions agree with the programs.
 
 Every program has a page; the options of --help are those of its page, by name and by the name of
-their value, in the same order; completion offers each of them. Every fault of the daemon and
-every reason of a fallback stands in verge(7) with its number. mandoc gives no warning. Every page
+their value, in the same order; completion offers each of them. Every fault of the daemon,
+every reason of a fallback, every mode of an on-vehicle unit and every reason of a mode stands in
+verge(7) with its number. mandoc gives no warning. Every page
 that another one names exists.
 
 Usage: e2e_manual.py --bin DIR
@@ -69,13 +70,13 @@ def check_completion(program, told):
     assert re.search(rf"\b{program.name}\b", source.split("complete -o")[1]), program.name
 
 
-def check_codes(section, source, prefix):
+def check_codes(section, source, prefix, least=7):
     """The numbered list of a section of verge(7) is the enum of a header."""
-    codes = re.findall(rf"{prefix}(\w+) = (\d+),", (ROOT / source).read_text())
+    codes = re.findall(rf"^ +{prefix}(\w+) = (\d+),", (ROOT / source).read_text(), re.MULTILINE)
     codes = [(number, name.lower()) for name, number in codes]
     page = (ROOT / "apps/man/verge.7").read_text().split(f".Sh {section}\n")[1].split(".Sh ")[0]
     told = re.findall(r"^\.It (\d+) , Cm (\w+)$", page, re.MULTILINE)
-    assert len(codes) >= 7 and told in (codes, codes[1:]), \
+    assert len(codes) >= least and told in (codes, codes[1:]), \
         f"verge.7, {section}: {told}, but {source}: {codes}"
 
 
@@ -106,6 +107,8 @@ def main():
         check_completion(program, check_program(program))
     check_codes("FAULTS", "apps/rsu/status.h", "RSU_FAULT_")
     check_codes("FALLBACKS", "core/include/verge/trajectory.h", "VERGE_REASON_")
+    check_codes("MODES", "transport/include/verge/wire.h", "WIRE_(?!UNIT_)", 4)
+    check_codes("MODE REASONS", "transport/include/verge/wire.h", "WIRE_UNIT_")
     check_references()
     check_mandoc()
     print(f"{len(programs)} programs, {len(PAGES)} pages")

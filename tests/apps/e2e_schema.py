@@ -153,17 +153,17 @@ def check_example(kind, page):
     assert kind.schema_accepts(document) and kind.program(document) is None, page
 
 
-def check_configurations(binaries, work):
-    kind = Kind("verge-rsu", [binaries / "verge-rsu", "--check-config", "--config"],
-                (66, 78), work)
-    shipped = [*ROOT.glob("apps/scenarios/rsu-*.json"), *ROOT.glob("apps/site/rsu*.json")]
+def check_configurations(binaries, work, daemon, plain, wrong):
+    """The configurations of verge-rsu or verge-obu. wrong: [(key, value, what that is)]."""
+    kind = Kind(daemon, [binaries / daemon, "--check-config", "--config"], (66, 78), work)
+    short = daemon.removeprefix("verge-")
+    shipped = [*ROOT.glob(f"apps/scenarios/{short}-*.json"), *ROOT.glob(f"apps/site/{short}*.json")]
     assert len(shipped) >= 2
     for path in shipped:
         assert kind.schema_accepts(json.loads(path.read_text())), path
     # The configuration in force names every key there is, with its default.
-    plain = ROOT / "apps/scenarios/rsu-ramp.json"
     printed = json.loads(subprocess.run(
-        [binaries / "verge-rsu", "--config", plain, "--print-config"],
+        [binaries / daemon, "--config", plain, "--print-config"],
         capture_output=True, text=True, check=True).stdout)
     printed["road"] = json.loads((ROOT / "apps/site/road.json").read_text())["road"]
     del printed["road_file"]
@@ -184,7 +184,7 @@ def check_configurations(binaries, work):
         assert told == value, (name, told, value)
     walk(kind, printed, [], kind.schema, kind.schema)
     (work / "road.json").write_text((ROOT / "apps/site/road.json").read_text())
-    check_example(kind, "verge-rsu.json.5")
+    check_example(kind, f"{daemon}.json.5")
     for document, why in (
             ({**printed, "road_file": "road.json"}, "two roads"),
             (changed(printed, ["road"], ...), "no road"),
@@ -194,7 +194,7 @@ def check_configurations(binaries, work):
             (changed(printed, ["bus"], ["loop:1", "loop:1"]), "one bus twice"),
             (changed(printed, ["bus"], [f"loop:{i}" for i in range(5)]), "five buses"),
             (changed(printed, ["realtime", "cpus"], [2000]), "a processor beyond the last"),
-            (changed(printed, ["rsu_id"], 1.5), "half a unit"),
+            *((changed(printed, [key], value), why) for key, value, why in wrong),
             (changed(printed, ["lcm", "allow"], [1]), "a network that is a number"),
             (changed(printed, ["lcm", "keys", 0, "file"], ""), "a key without a name"),
             (changed(printed, ["dds", "peers"], "127.0.0.1"), "peers that are no list"),
@@ -266,7 +266,20 @@ def main():
     binaries = parser.parse_args().bin.resolve()
     with tempfile.TemporaryDirectory() as folder:
         work = pathlib.Path(folder)
-        tried = check_configurations(binaries, work) + check_scenarios(binaries, work)
+        tried = check_configurations(
+            binaries, work, "verge-rsu", ROOT / "apps/scenarios/rsu-ramp.json",
+            [("rsu_id", 1.5, "half a unit"), ("rsu_id", None, "no unit")])
+        plain = work / "obu.json"
+        plain.write_text(json.dumps({"format": "verge-obu/1", "vehicle_id": 7, "bus": "loop:",
+                                     "road_file": str(ROOT / "apps/site/road.json")}))
+        tried += check_configurations(
+            binaries, work, "verge-obu", plain,
+            [("vehicle_id", None, "no vehicle"), ("vehicle_id", "7", "a vehicle by name"),
+             ("rsu_id", -1, "a unit below 0"), ("rsu_id", 1.5, "half a unit"),
+             ("state", "serial:1", "an unknown bus of states"), ("state", "", "an empty URL"),
+             ("trajectory", "", "an empty URL"), ("trajectory", ["loop:1"], "a list of buses"),
+             ("planner", {"controlled_max": 2}, "two vehicles to drive")])
+        tried += check_scenarios(binaries, work)
     subprocess.run([ROOT / "tools/documents", binaries, "--check"], check=True)
     print(f"{tried} documents tried on the programs")
 

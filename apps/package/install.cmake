@@ -1,4 +1,5 @@
-# What `cmake --install` puts where, by component: dev (library), rsu (daemon), tools (the rest).
+# What `cmake --install` puts where, by component: dev (library), rsu and obu (daemons), common (what
+# both daemons need), tools (the rest).
 # Every path follows the prefix given at install time, so one build serves any of them.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
@@ -61,15 +62,18 @@ if(NOT VERGE_BUILD_APPS)
 endif()
 
 # --- the programs and their data ---------------------------------------------------------------
-# The operator's programs come with the daemon.
-set(VERGE_PROGRAMS_rsu verge-rsu verge-ctl)
+set(VERGE_PROGRAMS_common verge-ctl)
+set(VERGE_PROGRAMS_rsu verge-rsu)
+set(VERGE_PROGRAMS_obu verge-obu)
 set(VERGE_PROGRAMS_tools verge-plan verge-sim verge-publish verge-echo verge-replay verge-bench
     verge-experiment)
-set(VERGE_PAGES_rsu verge-rsu.json.5 verge.7)
+set(VERGE_PAGES_common verge.7)
+set(VERGE_PAGES_rsu verge-rsu.json.5)
+set(VERGE_PAGES_obu verge-obu.json.5)
 # Programs in Python: links to their files, which lie in a folder of their own.
 set(VERGE_SCRIPTS_tools verge-plot verge-replay-html)
 set(VERGE_PAGES_tools verge-scenario.5)
-foreach(component rsu tools)
+foreach(component common rsu obu tools)
     install(TARGETS ${VERGE_PROGRAMS_${component}} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR}
         COMPONENT ${component})
     foreach(program ${VERGE_PROGRAMS_${component}} ${VERGE_SCRIPTS_${component}})
@@ -111,17 +115,30 @@ install(FILES tools/one_line.py tools/road_lines.py tools/run_file.py
 install(DIRECTORY tools/replay_page DESTINATION ${VERGE_TOOLS_DIR} COMPONENT tools)
 file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/man)
 add_custom_target(verge-man ALL DEPENDS ${VERGE_GZIPPED_PAGES})
-install(DIRECTORY apps/schema DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT rsu)
+install(DIRECTORY apps/schema DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT common)
 install(DIRECTORY apps/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT tools
     FILES_MATCHING PATTERN *.json)
 
-configure_file(${VERGE_PACKAGE_DIR}/system.cmake.in ${CMAKE_BINARY_DIR}/package/system.cmake @ONLY)
-install(SCRIPT ${CMAKE_BINARY_DIR}/package/system.cmake COMPONENT rsu)
-install(DIRECTORY apps/site/ DESTINATION ${CMAKE_INSTALL_DOCDIR}-rsu/examples COMPONENT rsu)
+# verge_daemon(COMPONENT OTHER ACCOUNT WATCHDOG_S ABOUT): systemd units, configuration, examples and the
+# scripts of the package of verge-COMPONENT. The account is also its folder in /etc, /run, /var/lib.
+function(verge_daemon COMPONENT OTHER ACCOUNT WATCHDOG_S ABOUT)
+    set(DAEMON verge-${COMPONENT})
+    set(CONFIG ${COMPONENT}.json)
+    set(made ${CMAKE_BINARY_DIR}/package/${DAEMON})
+    configure_file(${VERGE_PACKAGE_DIR}/system.cmake.in ${made}/system.cmake @ONLY)
+    foreach(script conffiles postinst prerm postrm)
+        configure_file(${VERGE_PACKAGE_DIR}/daemon/${script}.in ${made}/${script} @ONLY)
+    endforeach()
+    install(SCRIPT ${made}/system.cmake COMPONENT ${COMPONENT})
+    install(DIRECTORY apps/site/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${DAEMON}/examples
+        COMPONENT ${COMPONENT} PATTERN ${OTHER}* EXCLUDE)
+endfunction()
+verge_daemon(rsu obu verge 10 "roadside planner")
+verge_daemon(obu rsu verge-obu 3 "on-vehicle unit")
 install(PROGRAMS tools/certs DESTINATION ${CMAKE_INSTALL_DOCDIR}-rsu/examples COMPONENT rsu)
 
 # Debian wants to know under what terms; each package says so itself.
-foreach(pair dev:libverge-dev rsu:verge-rsu tools:verge-tools)
+foreach(pair dev:libverge-dev common:verge-common rsu:verge-rsu obu:verge-obu tools:verge-tools)
     string(REPLACE ":" ";" pair ${pair})
     list(GET pair 0 component)
     list(GET pair 1 package)

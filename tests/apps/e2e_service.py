@@ -183,7 +183,7 @@ def with_locked_memory_no_thread_waits_for_a_page(rig):
 def memory_is_locked_within_the_stack_that_the_unit_allows(rig):
     if rig.sanitized():
         return "not checked: the sanitizer keeps memory from being locked"
-    unit = SOURCE / "apps/systemd/verge-rsu.service.in"
+    unit = SOURCE / "apps/systemd/daemon.service.in"
     stack, = re.findall(r"^LimitSTACK=(\d+)K$", unit.read_text(), re.M)
     code, _, error = rig.run("prlimit", f"--stack={int(stack) << 10}", rig.bin / "verge-rsu",
                              "--config", rig.config(cycle_ms=10, realtime={"lock_memory": True}),

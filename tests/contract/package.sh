@@ -1,7 +1,8 @@
 #!/bin/bash
-# Claim: the Debian packages hold what they should, and the daemon runs from them: unpacked into an
-# empty folder it checks the configuration it came with, plans for the vehicles of a scenario of
-# verge-tools, and obeys SIGTERM; the same with the example of a secured site.
+# Claim: the Debian packages hold what they should, and the daemons run from them. Unpacked into an
+# empty folder, each checks the configuration it came with and obeys SIGTERM; the roadside unit plans
+# for the vehicles of a scenario of verge-tools, the on-vehicle unit makes trajectories for one of
+# them, over local sockets; the same with the examples of a secured site.
 #
 #     package.sh SOURCE_DIR BUILD_DIR WORK_DIR
 set -euo pipefail
@@ -19,7 +20,7 @@ cpack --config "$build_dir/CPackConfig.cmake" -B "$work/made" >"$work/cpack.log"
     { cat "$work/cpack.log"; exit 1; }
 version=$(sed -n 's/^project(verge VERSION \([0-9.]*\).*/\1/p' "$source_dir/CMakeLists.txt")-1
 architecture=$(dpkg --print-architecture)
-for package in libverge-dev verge-rsu verge-tools; do
+for package in libverge-dev verge-common verge-rsu verge-obu verge-tools; do
     deb=$work/made/${package}_${version}_$architecture.deb
     [ -f "$deb" ] || fail "$deb is missing: $(ls "$work/made")"
     dpkg-deb -x "$deb" "$work/root"
@@ -33,21 +34,28 @@ for again in first second; do
 done
 diff "$work/first.sums" "$work/second.sums" || fail "packaged twice, the packages differ"
 
-deb=$work/made/verge-rsu_${version}_$architecture.deb
-dpkg-deb -e "$deb" "$work/control"
-grep -qE '^Depends: .*adduser.*libc6 .*libcjson1' "$work/control/control" ||
-    fail "$(grep Depends "$work/control/control")"
-while read -r file; do
-    [ -f "$work/root$file" ] || fail "conffile $file is not in the package"
-done <"$work/control/conffiles"
-(cd "$work/root" && find etc -type f | sed 's#^#/#' | sort) | diff - "$work/control/conffiles" ||
-    fail "what lies in /etc is not what conffiles lists"
-for script in postinst prerm postrm; do
-    sh -n "$work/control/$script"
-    [ -x "$work/control/$script" ] || fail "$script cannot be run"
-done
-dpkg-deb -c "$deb" | awk '$2 != "root/root" || $1 ~ /^.....w|^........w|^-..s/ { print; bad = 1 }
-    END { exit bad }' || fail "the files above belong to others or may be written by others"
+# control DAEMON: dependencies, configuration files and scripts of its package
+control() {
+    local deb=$work/made/$1_${version}_$architecture.deb control=$work/control-$1
+    dpkg-deb -e "$deb" "$control"
+    grep -qE "^Depends: .*adduser, verge-common \(= $version\).*libc6 .*libcjson1" \
+        "$control/control" || fail "$1: $(grep Depends "$control/control")"
+    dpkg-deb --fsys-tarfile "$deb" | tar -t | sed -n 's#^\.\(/etc/.*[^/]\)$#\1#p' | sort |
+        diff - <(sort "$control/conffiles") || fail "$1: what lies in /etc is not what conffiles lists"
+    for script in postinst prerm postrm; do
+        sh -n "$control/$script"
+        [ -x "$control/$script" ] || fail "$1: $script cannot be run"
+        ! grep -q '@[A-Z_]*@' "$control/$script" || fail "$1: $script has a place left open"
+    done
+    dpkg-deb -c "$deb" | awk '$2 != "root/root" || $1 ~ /^.....w|^........w|^-..s/ { print; bad = 1 }
+        END { exit bad }' || fail "the files above belong to others or may be written by others"
+    grep -qF "ExecStart=/usr/bin/$1 --config $2" \
+        "$work/root/usr/lib/systemd/system/$1.service" || fail "the unit starts something else"
+}
+control verge-rsu /etc/verge/rsu.json
+control verge-obu /etc/verge-obu/obu.json
+[ "$(cd "$work/made" && for deb in ./*.deb; do dpkg-deb -c "$deb"; done |
+    awk '$6 !~ /\/$/ { print $6 }' | sort | uniq -d)" = "" ] || fail "a file is in two packages"
 if grep -rlF -e "$source_dir" -e "$work" "$work/root"; then
     fail "the files above name the place they were built at"
 fi
@@ -81,8 +89,6 @@ else
 fi
 
 # The daemon from there, as a unit would run it: the site it comes with, then the secured one.
-grep -qF "ExecStart=/usr/bin/verge-rsu --config /etc/verge/rsu.json" \
-    "$work/root/usr/lib/systemd/system/verge-rsu.service" || fail "the unit starts something else"
 etc=$work/root/etc/verge
 bin=$work/root/usr/bin
 scenario=$work/root/usr/share/verge/scenarios/ramp-case1.json
@@ -129,5 +135,41 @@ if grep -q '^VERGE_DDS:BOOL=ON' "$build_dir/CMakeCache.txt"; then
     "$work/root/usr/share/doc/verge-rsu/examples/certs" --out "$etc/keys" rsu car7 >"$work/certs.log"
     cp "$work/root/usr/share/doc/verge-rsu/examples/rsu-dds-secured.json" "$etc/rsu.json"
     site "$etc/rsu.json" dds:0 --bus-options "$etc/keys/car7.options.json"
+fi
+
+# The on-vehicle unit from there. verge-publish is its localisation, verge-echo its controller.
+# unit CONFIG
+unit() {
+    grep -q '"/run/verge-obu/obu.sock"' "$1" || fail "$1 has no control socket"
+    sed -i "s#/run/verge-obu#$run#; s#/run/vehicle#$run#; s#\"vehicle_id\": 7#\"vehicle_id\": 0#" "$1"
+    "$bin/verge-obu" --config "$1" --check-config >"$work/check.log" 2>&1 ||
+        fail "$(cat "$work/check.log")"
+    grep -q 'on-vehicle unit, all together' "$work/check.log"
+    "$source_dir/tests/support/in_network.sh" bash -s "$bin" "$work" "$run" "$scenario" "$1" <<'END'
+set -euo pipefail
+bin=$1 work=$2 run=$3 scenario=$4 config=$5
+"$bin/verge-obu" --config "$config" 2>"$work/obu.log" &
+daemon=$!
+trap 'kill -9 $daemon $(jobs -p) 2>/dev/null || true' EXIT
+for _ in $(seq 300); do
+    ! grep -q event=READY "$work/obu.log" || break
+    sleep 0.1
+done
+"$bin/verge-publish" "$scenario" --bus "unix:$run/own-state" --send-only --duration 20 \
+    >"$work/publish.log" 2>&1 &
+timeout 20 "$bin/verge-echo" "unix:$run/trajectory" --count 10 >"$work/echo.log"
+"$bin/verge-ctl" --socket "$run/obu.sock" status >"$work/unit.log"
+kill -TERM $daemon
+wait $daemon
+END
+    grep -q '^trajectory ' "$work/echo.log" || { cat "$work/obu.log"; fail "no trajectories of $1"; }
+    grep -q 'vehicle 0: alone, never_heard' "$work/unit.log" || fail "$(cat "$work/unit.log")"
+}
+obu=$work/root/etc/verge-obu
+unit "$obu/obu.json"
+if grep -q '^VERGE_DDS:BOOL=ON' "$build_dir/CMakeCache.txt"; then
+    cp -r "$etc/keys" "$obu"
+    cp "$work/root/usr/share/doc/verge-obu/examples/obu-dds-secured.json" "$obu/obu.json"
+    unit "$obu/obu.json"
 fi
 echo "packages of $version: $(cd "$work/made" && ls ./*.deb | tr '\n' ' ')"

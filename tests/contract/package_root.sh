@@ -40,11 +40,17 @@ find "$root/etc" "$root/usr/bin" "$root/usr/lib" "$root/var/lib" -name '*verge*'
 [ ! -s "$work/before" ] || fail "the fresh system knows verge: $(cat "$work/before")"
 
 inside sh -c 'apt-get update -qq && apt-get install -qq --no-install-recommends \
-    /packages/verge-rsu_*.deb /packages/verge-tools_*.deb' >"$work/install.log" 2>&1 ||
+    /packages/verge-common_*.deb /packages/verge-rsu_*.deb /packages/verge-obu_*.deb \
+    /packages/verge-tools_*.deb' >"$work/install.log" 2>&1 ||
     { tail -20 "$work/install.log"; fail "does not install"; }
-inside getent passwd verge | grep -q ':/var/lib/verge:/usr/sbin/nologin$' || fail "no user verge"
-[ "$(inside stat -c '%U:%G %a' /etc/verge/keys)" = "root:verge 750" ] ||
-    fail "/etc/verge/keys: $(inside stat -c '%U:%G %a' /etc/verge/keys)"
+for user in verge verge-obu; do
+    inside getent passwd $user | grep -q ":/var/lib/$user:/usr/sbin/nologin$" || fail "no user $user"
+    [ "$(inside stat -c '%U:%G %a' /etc/$user/keys)" = "root:$user 750" ] ||
+        fail "/etc/$user/keys: $(inside stat -c '%U:%G %a' /etc/$user/keys)"
+done
+inside chroot --userspec=verge-obu:verge-obu / /usr/bin/verge-obu \
+    --config /etc/verge-obu/obu.json --check-config >"$work/check.log" 2>&1 ||
+    { cat "$work/check.log"; fail "the on-vehicle unit refuses the configuration it comes with"; }
 
 inside install -d -o verge -g verge -m 0750 /run/verge # as systemd would, RuntimeDirectory
 
@@ -94,9 +100,9 @@ echo '{ "changed": "by the site" }' >"$root/etc/verge/rsu.json"
 inside sh -c 'dpkg --force-confdef --force-confold -i /packages/verge-rsu_*.deb' \
     >"$work/upgrade.log" 2>&1
 grep -q 'by the site' "$root/etc/verge/rsu.json" || fail "an upgrade overwrote the configuration"
-inside dpkg --remove verge-rsu verge-tools >"$work/remove.log" 2>&1
+inside dpkg --remove verge-rsu verge-obu verge-common verge-tools >"$work/remove.log" 2>&1
 [ -f "$root/etc/verge/rsu.json" ] || fail "removing took the configuration away"
-inside dpkg --purge verge-rsu verge-tools >"$work/purge.log" 2>&1
+inside dpkg --purge verge-rsu verge-obu verge-common verge-tools >"$work/purge.log" 2>&1
 # Names that begin with ours: libraries of others have files on convergence and divergence.
 find "$root/etc" "$root/usr/bin" "$root/usr/lib" "$root/var/lib" \
     \( -name 'verge*' -o -name 'libverge*' \) >"$work/after"

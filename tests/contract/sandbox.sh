@@ -1,15 +1,15 @@
 #!/bin/bash
-# Claim: what the units take away is not missed. The daemon runs, on every bus, with the stack, the
-# locked memory and the view of /proc that its unit gives it; recording, serving its operators and
-# reading its configuration again, it makes no system call that the unit's filter refuses, opens no
-# socket of another family, maps nothing writable and executable.
+# Claim: what the units take away is not missed. Each daemon runs, on every bus, with the stack, the
+# locked memory and the view of /proc that its unit gives it; recording (the roadside unit), serving
+# its operators and reading its configuration again, it makes no system call that the unit's filter
+# refuses, opens no socket of another family, maps nothing writable and executable.
 #
 #     sandbox.sh SOURCE_DIR BUILD_DIR WORK_DIR
 set -euo pipefail
 source_dir=$1
 build_dir=$2
 work=$3
-unit=$source_dir/apps/systemd/verge-rsu.service.in
+unit=$source_dir/apps/systemd/daemon.service.in
 fail() { echo "sandbox: $*" >&2; exit 1; }
 skip() { echo "SKIPPED: $*"; exit 77; }
 for tool in strace systemd-analyze; do
@@ -52,11 +52,14 @@ fi
 run=$(mktemp -d) # a socket's path is short
 trap 'rm -rf "$run"' EXIT
 
-# run NAME BUS
+rsu='"format": "verge-rsu/1"'
+obu='"format": "verge-obu/1", "vehicle_id": 0'
+
+# run NAME BUS KEYS DAEMON OPTION...: the keys are the daemon's own
 run() {
     cat >"$work/$1.json" <<END
-{ "format": "verge-rsu/1", "bus": "$2", "cycle_ms": 50,
-  "road_file": "$source_dir/apps/site/road.json", "control": "$run/rsu.sock",
+{ $3, "bus": "$2", "cycle_ms": 50,
+  "road_file": "$source_dir/apps/site/road.json", "control": "$run/ctl.sock",
   "metrics": { "listen": "127.0.0.1:9464", "file": "$run/metrics" },
   "realtime": { "lock_memory": $lock } }
 END
@@ -67,19 +70,20 @@ END
         ulimit -l "$4"
         export MALLOC_ARENA_MAX=1
         (
-            until "$5" --socket "$6/rsu.sock" status; do sleep 0.1; done
-            "$5" --socket "$6/rsu.sock" reload
+            until "$3" --socket "$2/ctl.sock" status; do sleep 0.1; done
+            "$3" --socket "$2/ctl.sock" reload
             for _ in $(seq 300); do
-                ! grep -q event=config_applied "$7" || break
+                ! grep -q event=config_applied "$5" || break
                 sleep 0.1
             done
-            kill -TERM "$(cat "$6/pid")"
+            kill -TERM "$(cat "$2/pid")"
         ) >/dev/null 2>&1 &
-        exec strace -f -qq -o "$1" sh -c "echo \$\$ >$6/pid; exec \"\$@\"" sh \
-            "$2" --config "$3" --record "$6/log"' sh \
-        "$work/$1.calls" "$build_dir/bin/verge-rsu" "$work/$1.json" "$memory" \
-        "$build_dir/bin/verge-ctl" "$run" "$work/$1.log" 2>"$work/$1.log" ||
-        { cat "$work/$1.log"; fail "the daemon does not run on $2"; }
+        calls=$1 run=$2
+        shift 5
+        exec strace -f -qq -o "$calls" sh -c "echo \$\$ >$run/pid; exec \"\$@\"" sh "$@"' sh \
+        "$work/$1.calls" "$run" "$build_dir/bin/verge-ctl" "$memory" "$work/$1.log" \
+        "$build_dir/bin/$4" --config "$work/$1.json" "${@:5}" 2>"$work/$1.log" ||
+        { cat "$work/$1.log"; fail "$4 does not run on $2"; }
     sed -nE 's/^[0-9]+ +([a-z0-9_]+)\(.*/\1/p' "$work/$1.calls" | sort -u >"$work/$1.used"
     grep -q '^accept4\?$' "$work/$1.used" || fail "nobody was served while strace looked"
     grep -q event=config_applied "$work/$1.log" || { cat "$work/$1.log"; fail "no reload"; }
@@ -92,9 +96,12 @@ END
     done
     ! grep -E '(mmap|mprotect)\(.*PROT_WRITE[^,]*PROT_EXEC' "$work/$1.calls" ||
         fail "$2: memory both writable and executable"
-    echo "$2: $(wc -l <"$work/$1.used") system calls, all permitted"
+    echo "$4 on $2: $(wc -l <"$work/$1.used") system calls, all permitted"
 }
-run lcm 'lcm:udpm://239.255.76.67:7667?ttl=0'
+own='"state": "unix:'$run'/own-state", "trajectory": "unix:'$run'/trajectory"'
+run lcm 'lcm:udpm://239.255.76.67:7667?ttl=0' "$rsu" verge-rsu --record "$run/log"
+run unit-lcm 'lcm:udpm://239.255.76.67:7667?ttl=0' "$obu, $own" verge-obu
 if grep -q '^VERGE_DDS:BOOL=ON' "$build_dir/CMakeCache.txt"; then
-    run dds dds:0
+    run dds dds:0 "$rsu" verge-rsu --record "$run/log"
+    run unit-dds dds:0 "$obu" verge-obu
 fi

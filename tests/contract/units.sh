@@ -1,5 +1,5 @@
 #!/bin/bash
-# Claim: the systemd units are understood and take from the daemon what it does not need:
+# Claim: the systemd units are understood and take from the daemons what these do not need:
 # systemd's own judge gives an exposure of at most 2.0 of 10.
 #
 #     units.sh BUILD_DIR WORK_DIR
@@ -12,13 +12,20 @@ if ! command -v systemd-analyze >/dev/null; then
 fi
 rm -rf "$work"
 mkdir -p "$work"
-cmake --install "$build_dir" --prefix "$work/usr" --component rsu >"$work/install.log"
-echo '{ "changed": "by the site" }' >"$work/usr/etc/verge/rsu.json"
-cmake --install "$build_dir" --prefix "$work/usr" --component rsu >"$work/install.log"
-grep -q 'by the site' "$work/usr/etc/verge/rsu.json" ||
-    { echo "installing again overwrote the configuration" >&2; exit 1; }
+# installed COMPONENT CONFIG: a second installation keeps what the site has changed
+installed() {
+    cmake --install "$build_dir" --prefix "$work/usr" --component "$1" >"$work/install.log"
+    echo '{ "changed": "by the site" }' >"$work/usr/etc/$2"
+    cmake --install "$build_dir" --prefix "$work/usr" --component "$1" >"$work/install.log"
+    grep -q 'by the site' "$work/usr/etc/$2" ||
+        { echo "installing again overwrote the configuration" >&2; exit 1; }
+}
+installed rsu verge/rsu.json
+installed obu verge-obu/obu.json
 units=$work/usr/lib/systemd/system
-cp "$units/verge-rsu@.service" "$work/verge-rsu@east.service" # a template is judged by an instance
+for daemon in verge-rsu verge-obu; do # a template is judged by an instance
+    cp "$units/$daemon@.service" "$work/$daemon@east.service"
+done
 
 # score UNIT: its exposure; says nothing where the judge could not be asked
 score() {
@@ -26,7 +33,7 @@ score() {
         sed -n 's/.*Overall exposure level for .*: \([0-9.]*\) .*/\1/p'
 }
 
-for unit in "$units/verge-rsu.service" "$work/verge-rsu@east.service"; do
+for unit in "$units"/verge-{rsu,obu}.service "$work"/verge-{rsu,obu}@east.service; do
     if ! systemd-analyze verify --man=no "$unit" >"$work/verify.log" 2>&1 ||
         [ -s "$work/verify.log" ]; then
         cat "$work/verify.log"

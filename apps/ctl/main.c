@@ -361,6 +361,10 @@ static void show_unit(const json_at* root)
            counted(&counters, "mode_changes"));
     printf("  plans            %" PRId64 " accepted", whole(&plans, "accepted"));
     show_counted(&plans, "", "accepted");
+    if (counted(&counters, "plans_repeated") > 0) {
+        printf("; %" PRId64 " planned again, %" PRId64 " the same",
+               counted(&counters, "plans_repeated"), counted(&counters, "plans_repeated_same"));
+    }
     printf("\n  states           %" PRId64 " accepted", whole(&states, "accepted"));
     show_counted(&states, "", "accepted");
     show_messages(root, &counters);

@@ -12,7 +12,7 @@ typedef struct counter {
     uint64_t    value;
     const char* help;
 } counter;
-enum { COUNTERS = 15 };
+enum { COUNTERS = 17 };
 
 static void counters_of(const obu_report* from, counter rows[COUNTERS])
 {

@@ -82,14 +82,16 @@ class Daemon:
         self.path = rig.folder / log
         self.log = open(self.path, "w+b")
         self.process = subprocess.Popen(
-            [str(rig.bin / "verge-rsu"), "--config", str(config), *map(str, options)],
+            [str(rig.bin / self.PROGRAM), "--config", str(config), *map(str, options)],
             stderr=self.log, stdout=subprocess.DEVNULL,
             env=None if env is None else {**os.environ, **env}, **popen)
 
         def ready():
-            check(self.process.poll() is None, "verge-rsu ended before READY:\n" + self.text())
+            check(self.process.poll() is None, f"{self.PROGRAM} ended before READY:\n" + self.text())
             return "READY" in self.text()
         wait_for(ready, "READY")
+
+    PROGRAM = "verge-rsu"  # a class of another daemon has another one
 
     def text(self):
         return self.path.read_text()
@@ -180,8 +182,7 @@ def run_cases(cases, binaries, only="", kind=Rig):
             except (AssertionError, subprocess.TimeoutExpired, OSError) as trouble:
                 failed += 1
                 word = f"FAILED: {trouble!r}"
-                log = rig.folder / "rsu.log"
-                if log.exists():
-                    print(log.read_text()[-3000:], file=sys.stderr)
+                for log in rig.folder.glob("*.log"):
+                    print(f"{log.name}:\n{log.read_text()[-3000:]}", file=sys.stderr)
         print(f"{time.monotonic() - began:5.1f} s  {case.__name__}: {word}", flush=True)
     return 1 if failed else 0

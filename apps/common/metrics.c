@@ -11,6 +11,7 @@
 static void intention_check(metrics_vehicle* vehicle, const world* world,
                             const world_vehicle* there);
 static void end_check(metrics_vehicle* vehicle, const world* world, const world_vehicle* there);
+static void unit_check(metrics_unit* unit, const char* mode);
 static void pair_check(metrics* self, const world* world, uint32_t a, uint32_t b);
 static metrics_direction road_direction(const world* world, const world_vehicle* there);
 static void ahead_check(metrics* self, const verge_vehicle* ego, const verge_vehicle* other);
@@ -18,6 +19,7 @@ static metrics_direction direction_of(double heading);
 static double mean_of(const metrics* self, size_t offset);
 static void times_write(FILE* out, const metrics* self, const char* name, size_t offset);
 static void timing_write(FILE* out, const metrics* self);
+static void units_write(FILE* out, const metrics* self, const char* line);
 static int  by_value(const void* a, const void* b);
 
 /// A vehicle has reached its target lane when its centre is this close to the centreline. [m]
@@ -81,6 +83,9 @@ void metrics_tick(metrics* self, const world* world)
             continue;
         }
         intention_check(&self->vehicles[i], world, vehicle);
+        if (vehicle->mode != NULL) {
+            unit_check(&self->vehicles[i].unit, vehicle->mode);
+        }
         if (vehicle->state.controlled) {
             self->max_abs_acceleration =
                 fmax(self->max_abs_acceleration, fabs(vehicle->state.acceleration));
@@ -194,6 +199,7 @@ void metrics_write(FILE* out, const metrics* self, bool timing, const char* line
         fprintf(out, ",%s", line);
         timing_write(out, self);
     }
+    units_write(out, self, line);
     fputc('}', out);
 }
 
@@ -365,6 +371,44 @@ static void timing_write(FILE* out, const metrics* self)
     fputs(",\"max\":", out);
     number_write(out, percentile(self->cycle_ms, count, 1.0));
     fputc('}', out);
+}
+
+/// Adds one tick in a mode.
+static void unit_check(metrics_unit* unit, const char* mode)
+{
+    uint32_t i = 0;
+    while (i < unit->mode_count && strcmp(unit->modes[i], mode) != 0) {
+        ++i;
+    }
+    if (i == METRICS_MODES_MAX) {
+        return; // there are fewer modes
+    }
+    unit->changes += unit->mode_count > 0 && i != unit->latest ? 1 : 0;
+    unit->mode_count += i == unit->mode_count ? 1 : 0;
+    unit->modes[i] = mode;
+    unit->latest = i;
+    ++unit->ticks[i];
+}
+
+static void units_write(FILE* out, const metrics* self, const char* line)
+{
+    bool any = false;
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
+        const metrics_unit* unit = &self->vehicles[i].unit;
+        if (unit->mode_count == 0) {
+            continue;
+        }
+        fprintf(out, any ? "," : ",%s\"units\":{", line);
+        any = true;
+        fprintf(out, "\"%d\":{", self->vehicles[i].id);
+        for (uint32_t k = 0; k < unit->mode_count; ++k) {
+            fprintf(out, "\"%s\":", unit->modes[k]);
+            number_write(out, (double)unit->ticks[k] / WORLD_TICKS_PER_SECOND);
+            fputc(',', out);
+        }
+        fprintf(out, "\"changes\":%u}", unit->changes);
+    }
+    fputs(any ? "}" : "", out);
 }
 
 static int by_value(const void* a, const void* b)

@@ -25,6 +25,9 @@
 /// reordered        circles of standing vehicles that the planner gave a new order
 /// unstuck          vehicles that stood for 3 s without a cause and that the planner let go first
 /// cycle_ms         [ms] of planning: p50, p99 (nearest rank), max
+/// units            per vehicle whose on-vehicle unit sent a trajectory: [s] in each mode that the
+///                  unit was in, "none": without a valid trajectory after the first; `changes`
+///                  counts changes of the mode. Not listed without any such vehicle.
 ///
 /// A quantity without any measurement is infinite or NaN here, null in JSON. Plans from a bus tell
 /// neither nodes nor standstills.
@@ -32,6 +35,17 @@
 #define VERGE_APPS_METRICS_H
 
 #include "world.h"
+
+enum { METRICS_MODES_MAX = 8 };
+
+/// What the on-vehicle unit of a vehicle did.
+typedef struct metrics_unit {
+    const char* modes[METRICS_MODES_MAX]; ///< names, in the order in which they occurred
+    uint32_t    ticks[METRICS_MODES_MAX]; ///< in each of them
+    uint32_t    mode_count;
+    uint32_t    latest;                   ///< index of the mode at the latest tick
+    uint32_t    changes;
+} metrics_unit;
 
 typedef struct metrics_vehicle {
     int32_t id;
@@ -41,6 +55,7 @@ typedef struct metrics_vehicle {
     double  reached_time;  ///< [s] NaN: not yet
     bool    off_road;      ///< controlled, at the latest tick
     bool    standing;      ///< controlled, without a cause, at the latest tick
+    metrics_unit unit;
 } metrics_vehicle;
 
 /// A unit vector. [1]

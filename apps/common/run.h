@@ -13,6 +13,15 @@
 /// "state_utimes" [us]: for each vehicle the utime of the state from which it was planned. A plan
 /// that was sent because a cycle was late has none of the three.
 ///
+/// A vehicle with an on-vehicle unit (verge-obu) drives what that unit sends. A line is written
+/// when the mode of the unit changes, its reason, or the vehicle that the reason is about:
+///
+///     {"t":..,"unit":{"id":2,"mode":"departing","reason":"contact","vehicle":4,"cycle":33}}
+///
+/// mode: "following", "departing", "alone", "stopping" (wire_unit_mode), or "none": without a valid
+/// trajectory of the unit. reason: wire_unit_reason, "none" for none. vehicle, cycle: null for
+/// none; the cycle is that of the plan which is followed or departed from.
+///
 /// lane: the one that contains the centre, or null. action: the step of the plan that is active
 /// at t ("KS" ..), or null (uncontrolled vehicles). brake: true or false. turn: "right", "none",
 /// "left".

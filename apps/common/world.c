@@ -7,7 +7,9 @@
 
 static void signals_show(world* self);
 static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicle* as_human);
+static void controlled_move(const world* self, world_vehicle* vehicle);
 static bool plan_drive(world_vehicle* vehicle, double time);
+static void path_brake(const world* self, world_vehicle* vehicle);
 static void point_drive(world_vehicle* vehicle, const verge_point* point);
 static verge_point point_between(const verge_point* a, const verge_point* b, double share);
 static void lane_keep(const world* self, world_vehicle* vehicle, double acceleration);
@@ -19,6 +21,10 @@ static const double INSTANT = 1e-6;
 static const double SWING_OUT = 10.0;
 /// Acceleration of a controlled vehicle after the end of its plan. [m/s^2]
 static const double GENTLE_BRAKING = -2.0;
+/// The same after the last valid trajectory of its on-vehicle unit. [m/s^2]
+static const double UNIT_LOST_BRAKING = -3.0;
+/// A vehicle waits so long for the first trajectory of its unit. [s]
+static const double UNIT_START = 1.0;
 
 bool world_init(world* self, const scenario* scene)
 {
@@ -88,16 +94,58 @@ verge_status world_plan(const world* self, verge_plan* plan)
     return status == VERGE_OK ? verge_planner_step(planner, utime, states, count, plan) : status;
 }
 
-void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
+/// The vehicle in the scene that a plan or trajectory is for; null: none.
+static world_vehicle* vehicle_for(const world* self, const verge_vehicle_plan* plan)
 {
     for (uint32_t i = 0; i < self->vehicle_count; ++i) {
         world_vehicle* vehicle = &self->vehicles[i];
         if (vehicle->state.id == plan->vehicle_id && vehicle->state.controlled &&
             vehicle->present) {
-            vehicle->plan = *plan;
-            vehicle->plan_time = plan_time;
-            vehicle->planned = true;
+            return vehicle;
         }
+    }
+    return NULL;
+}
+
+static bool unit_valid(const world_vehicle* vehicle, double time)
+{
+    return vehicle->unit && time <= vehicle->valid_until + INSTANT;
+}
+
+void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
+{
+    world_vehicle* vehicle = vehicle_for(self, plan);
+    if (vehicle == NULL || self->units_only || unit_valid(vehicle, world_time(self))) {
+        return;
+    }
+    vehicle->plan = *plan;
+    vehicle->plan_time = plan_time;
+    vehicle->planned = true;
+    vehicle->unit = false;
+    vehicle->mode = vehicle->mode != NULL ? WORLD_MODE_NONE : NULL;
+}
+
+void world_expect_units(world* self)
+{
+    self->units_only = true;
+    for (uint32_t i = 0; i < self->vehicle_count; ++i) {
+        self->vehicles[i].unit = self->vehicles[i].state.controlled;
+        self->vehicles[i].valid_until = UNIT_START;
+    }
+}
+
+void world_drive(world* self, const verge_vehicle_plan* trajectory, double time, double until,
+                 const char* mode)
+{
+    world_vehicle* vehicle = vehicle_for(self, trajectory);
+    if (vehicle != NULL) {
+        vehicle->plan = *trajectory;
+        vehicle->plan_time = time;
+        vehicle->planned = true;
+        vehicle->unit = true;
+        vehicle->valid_until = until;
+        vehicle->along = fmax(world_time(self) - time, 0.0);
+        vehicle->mode = mode;
     }
 }
 
@@ -174,15 +222,25 @@ static void signals_show(world* self)
 /// as_human: the next state by the car-following model.
 static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicle* as_human)
 {
-    const double now = world_time(self);
     vehicle->curvature = vehicle->jerk = 0.0;
     if (vehicle->origin->track_count > 0) {
-        vehicle->present = scenario_track_at(vehicle->origin, now, &vehicle->state);
+        vehicle->present =
+            scenario_track_at(vehicle->origin, world_time(self), &vehicle->state);
         vehicle->left = !vehicle->present;
     } else if (vehicle->origin->parked) {
         return;
-    } else if (!vehicle->state.controlled) {
+    } else if (vehicle->state.controlled) {
+        controlled_move(self, vehicle);
+    } else {
         vehicle->state = *as_human;
+    }
+}
+
+static void controlled_move(const world* self, world_vehicle* vehicle)
+{
+    const double now = world_time(self);
+    if (vehicle->unit && !unit_valid(vehicle, now)) {
+        path_brake(self, vehicle);
     } else if (!vehicle->planned) {
         lane_keep(self, vehicle, 0.0);
     } else if (vehicle->plan.status == VERGE_CANCELLED || !plan_drive(vehicle, now)) {
@@ -193,24 +251,78 @@ static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicl
 /// False: the plan has ended.
 static bool plan_drive(world_vehicle* vehicle, double time)
 {
-    const verge_vehicle_plan* plan = &vehicle->plan;
-    const double              t = fmax(time - vehicle->plan_time, 0.0);
-    if (plan->point_count == 0 || t > plan->points[plan->point_count - 1].t + INSTANT) {
+    verge_point point;
+    if (!world_point_at(&vehicle->plan, time - vehicle->plan_time, &point)) {
+        return false;
+    }
+    vehicle->along = point.t;
+    point_drive(vehicle, &point);
+    return true;
+}
+
+bool world_point_at(const verge_vehicle_plan* trajectory, double t, verge_point* point)
+{
+    const uint32_t count = trajectory->point_count;
+    const double   elapsed = fmax(t, 0.0);
+    if (count == 0 || elapsed > trajectory->points[count - 1].t + INSTANT) {
         return false;
     }
     uint32_t index = 0;
-    while (index + 1 < plan->point_count && plan->points[index + 1].t <= t + INSTANT) {
+    while (index + 1 < count && trajectory->points[index + 1].t <= elapsed + INSTANT) {
         ++index;
     }
-    const verge_point* at = &plan->points[index];
-    if (t - at->t <= INSTANT || index + 1 == plan->point_count) {
-        point_drive(vehicle, at);
-    } else {
-        const double      share = (t - at->t) / (at[1].t - at->t);
-        const verge_point between = point_between(at, &at[1], share);
-        point_drive(vehicle, &between);
-    }
+    const verge_point* at = &trajectory->points[index];
+    *point = elapsed - at->t <= INSTANT || index + 1 == count
+                 ? *at
+                 : point_between(at, &at[1], (elapsed - at->t) / (at[1].t - at->t));
     return true;
+}
+
+/// The point of the vehicle's trajectory that is a distance [m] ahead of the vehicle along it.
+/// False: the trajectory ends before.
+static bool path_ahead(const world_vehicle* vehicle, double distance, verge_point* point)
+{
+    verge_point here;
+    if (!world_point_at(&vehicle->plan, vehicle->along, &here)) {
+        return false;
+    }
+    for (uint32_t i = 0; i < vehicle->plan.point_count; ++i) {
+        const verge_point* next = &vehicle->plan.points[i];
+        if (next->t <= here.t + INSTANT) {
+            continue;
+        }
+        const double x = next->x - here.x, y = next->y - here.y;
+        const double length = sqrt(x * x + y * y);
+        if (length > distance) {
+            *point = point_between(&here, next, distance / length);
+            return true;
+        }
+        distance -= length;
+        here = *next;
+    }
+    return false;
+}
+
+/// The unit has sent no trajectory in time: brakes along the rest of the last one.
+static void path_brake(const world* self, world_vehicle* vehicle)
+{
+    const double speed = fmax(vehicle->state.speed + UNIT_LOST_BRAKING * WORLD_DT, 0.0);
+    const double distance = 0.5 * (fmax(vehicle->state.speed, 0.0) + speed) * WORLD_DT;
+    verge_point  point;
+    vehicle->mode = vehicle->mode != NULL ? WORLD_MODE_NONE : NULL;
+    vehicle->plan.action_count = 0; // no action is known
+    if (distance <= 0.0) {
+        vehicle->state.speed = vehicle->state.acceleration = vehicle->state.yaw_rate = 0.0;
+    } else if (path_ahead(vehicle, distance, &point)) {
+        vehicle->along = point.t;
+        point.speed = speed;
+        point.acceleration = UNIT_LOST_BRAKING;
+        point.jerk = 0.0;
+        point_drive(vehicle, &point);
+    } else {
+        vehicle->along = INFINITY; // beyond the trajectory
+        lane_keep(self, vehicle, UNIT_LOST_BRAKING);
+    }
 }
 
 static void point_drive(world_vehicle* vehicle, const verge_point* point)

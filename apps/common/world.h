@@ -11,6 +11,9 @@
 /// Controlled  Follow their latest trajectory, linearly between its points. After its end, or with
 ///             a cancelled plan, they keep their lane and brake gently. Before the first plan they
 ///             keep their lane at constant speed.
+/// Units       A vehicle may have an on-vehicle unit. While a trajectory of the unit is valid, the
+///             vehicle drives it and no plan. After it, the vehicle brakes to a stop along the rest
+///             of the trajectory, then in its lane: as a car does whose unit has failed.
 /// Humans      Follow their track, or the car-following model with which the planner predicts them.
 ///             Parked ones stand.
 ///             They see the signals, but for those that keep no rule.
@@ -38,12 +41,20 @@ typedef struct world_vehicle {
     bool     planned;        ///< `plan` is valid
     double   plan_time;      ///< [s] t = 0 of its plan, in the world's time
     verge_vehicle_plan plan;
+    bool     unit;           ///< `plan` is, or will be, a trajectory of its on-vehicle unit
+    double   valid_until;    ///< [s] of that trajectory, in the world's time
+    const char* mode;        ///< of its unit, or WORLD_MODE_NONE; null: no trajectory until now
+    double   along;          ///< [s] t of the trajectory at which its path is where the vehicle is
     double   curvature;      ///< [1/m] driven; 0 without a trajectory
     double   jerk;           ///< [m/s^3] driven; 0 without a trajectory
 } world_vehicle;
 
+/// The mode of a vehicle without a valid trajectory of a unit, after it had one.
+#define WORLD_MODE_NONE "none"
+
 typedef struct world {
     const scenario*   scene;
+    bool              units_only; ///< controlled vehicles drive trajectories of their units only
     const verge_road* road;
     uint32_t          tick;
     uint32_t          vehicle_count;
@@ -68,8 +79,23 @@ uint32_t world_states(const world* self, verge_vehicle states[VERGE_VEHICLES_MAX
 verge_status world_plan(const world* self, verge_plan* plan);
 
 /// Gives a vehicle its newest plan, whose t = 0 is at plan_time [s] of the world. Plans for
-/// unknown, uncontrolled or absent vehicles are ignored.
+/// unknown, uncontrolled or absent vehicles are ignored, and so are plans for vehicles that drive a
+/// trajectory of their unit.
 void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time);
+
+/// Every controlled vehicle has an on-vehicle unit: plans of world_follow() are not driven. Call it
+/// at t = 0. The vehicles drive on at constant speed for the first second, while their units start.
+void world_expect_units(world* self);
+
+/// Gives a vehicle a trajectory of its on-vehicle unit, with t = 0 at `time` and valid until
+/// `until` [s] of the world. mode: of the unit; static lifetime. Trajectories for unknown,
+/// uncontrolled or absent vehicles are ignored.
+void world_drive(world* self, const verge_vehicle_plan* trajectory, double time, double until,
+                 const char* mode);
+
+/// The point of a trajectory at t [s], on the line between two points; before the first point the
+/// first one. False: the trajectory has ended.
+bool world_point_at(const verge_vehicle_plan* trajectory, double t, verge_point* point);
 
 /// Moves all vehicles by one tick.
 void world_advance(world* self);

@@ -21,6 +21,11 @@ void latency_add(latency* self, const verge_vehicle_plan_t* plan, int64_t arriva
     }
 }
 
+void latency_add_trajectory(latency* self, int64_t arrival_us, int64_t state_sent_us)
+{
+    series_add(&self->state_to_trajectory, arrival_us - state_sent_us);
+}
+
 static int ascending(const void* one, const void* other)
 {
     const int32_t a = *(const int32_t*)one, b = *(const int32_t*)other;
@@ -56,5 +61,7 @@ void latency_write(FILE* out, latency* self)
     series_write(out, "state_to_plan_ms", &self->state_to_plan);
     fputs(",", out);
     series_write(out, "plan_to_here_ms", &self->plan_to_here);
+    fputs(",", out);
+    series_write(out, "state_to_trajectory_ms", &self->state_to_trajectory);
     fputs("}", out);
 }

@@ -1,9 +1,11 @@
 /// verge-publish: simulates the vehicles of a scenario on a bus. It publishes their states ten
-/// times a second in real time, and drives each controlled vehicle along the newest valid plan that
-/// it receives. A vehicle without a plan keeps its lane (world.h).
+/// times a second in real time. It drives each controlled vehicle along the newest valid trajectory
+/// of its on-vehicle unit that it receives, or along the newest plan. A vehicle with neither keeps
+/// its lane (world.h).
 #define _GNU_SOURCE
 #include "latency.h"
 #include "progress.h"
+#include "units.h"
 
 #include "common/bus_json.h"
 #include "common/number.h"
@@ -38,6 +40,7 @@ typedef struct arguments {
     bool        quiet;
     bool        all;
     bool        send_only;
+    bool        units;
     double      duration; // [s] NaN: the scenario's
     uint64_t    seed;
     bool        seeded;
@@ -55,7 +58,7 @@ typedef struct publisher {
     world           world;
     metrics         metrics;
     transport*      bus;
-    bool            receives;   // plans
+    bool            receives;   // plans and trajectories
     FILE*           run;        // null: not recorded
     progress        progress;
     int64_t         start;      // [us] wall clock at the world's t = 0
@@ -65,6 +68,7 @@ typedef struct publisher {
     int64_t         sent_at;    // [us] wall clock when they were
     latency         latency;
     uint64_t        refused;    // plans with an invalid field
+    units           units;      // on-vehicle units
     follower        followers[VERGE_VEHICLES_MAX]; // in the world's order
     int32_t         gathered_cycle;
     run_origin      origin;     // of the plans gathered
@@ -126,15 +130,18 @@ static int read_arguments(arguments* args, int argc, char** argv)
         { "--seed", "N", "replaces the seed of the scenario", &args->seed_text, NULL },
         { "--all", NULL, "prints every plan, not only those that change something", NULL,
           &args->all },
-        { "--quiet", NULL, "does not print the plans", NULL, &args->quiet },
-        { "--send-only", NULL, "receives no plans, as a bus unix:PATH requires", NULL,
+        { "--units", NULL, "every controlled vehicle has an on-vehicle unit: plans alone are not "
+          "driven", NULL, &args->units },
+        { "--quiet", NULL, "prints neither plans nor modes of units", NULL, &args->quiet },
+        { "--send-only", NULL, "receives nothing, as a bus unix:PATH requires", NULL,
           &args->send_only },
     };
     const program self = {
         .name = "verge-publish",
         .argument = "SCENARIO.json",
         .text = "Publishes the states of a scenario's vehicles in real time, drives the plans\n"
-                "that it receives, and prints the plans that change something and the metrics.",
+                "and the trajectories of on-vehicle units that it receives, and prints those that\n"
+                "change something and the metrics.",
         .options = table,
         .option_count = sizeof table / sizeof table[0],
         .usage_status = 2,
@@ -189,7 +196,7 @@ static int open_bus(publisher* self, const arguments* args)
     options.transport.log = print_line;
     char error[512];
     const unsigned signals = self->scene->signal_count > 0 ? TRANSPORT_SENDS_SIGNALS : 0u;
-    const unsigned plans = self->receives ? TRANSPORT_PLANS : 0u;
+    const unsigned plans = self->receives ? TRANSPORT_PLANS | TRANSPORT_TRAJECTORIES : 0u;
     const int opened = transport_open_with(&self->bus, args->bus,
                                            plans | TRANSPORT_SENDS_STATES | signals,
                                            &options.transport, error, sizeof error);
@@ -220,6 +227,9 @@ static int run(publisher* self, const arguments* args)
     const double duration = isnan(args->duration) ? self->scene->duration : args->duration;
     progress_init(&self->progress, args->bus, args->quiet, args->all, clock_us(CLOCK_MONOTONIC));
     bool good = world_init(&self->world, self->scene) && metrics_init(&self->metrics, &self->world);
+    if (good && args->units) {
+        world_expect_units(&self->world);
+    }
     good = good && publish(self, duration);
     if (good && args->out != NULL && !output_close(&file)) {
         output_report(args->out);
@@ -263,6 +273,7 @@ static bool publish(publisher* self, double duration)
     if (self->run != NULL) {
         run_write_bus_head(self->run, self->scene, self->start);
     }
+    units_init(&self->units, &self->world, self->start, self->run, self->progress.quiet);
     for (;;) {
         publish_states(self);
         metrics_tick(&self->metrics, &self->world);
@@ -275,6 +286,7 @@ static bool publish(publisher* self, double duration)
         progress_silence(&self->progress, plan_expected(self), clock_us(CLOCK_MONOTONIC));
         follow_plans(self, begun + ((int64_t)self->world.tick + 1) * TICK_US);
         world_advance(&self->world);
+        units_tick(&self->units, &self->world);
     }
     gather_end(self);
     if (self->run != NULL) {
@@ -299,15 +311,20 @@ static void publish_states(publisher* self)
         if (!vehicle->present) {
             continue;
         }
-        const verge_vehicle_state_t state = state_message(
-            &vehicle->state, utime, self->sequence, self->followers[i].cycle, self->map_crc32);
+        const int32_t cycle =
+            vehicle->unit ? units_cycle(&self->units, i) : self->followers[i].cycle;
+        const verge_vehicle_state_t state =
+            state_message(&vehicle->state, utime, self->sequence, cycle, self->map_crc32);
         transport_publish_state(self->bus, &state);
     }
 }
 
 static void on_plan(publisher* self, const verge_vehicle_plan_t* message, int64_t arrival);
+static void on_trajectory(publisher* self, const verge_vehicle_trajectory_t* message,
+                          int64_t arrival);
 
-/// Receives plans until the next tick is due. Also drains when none waits, as a bus requires.
+/// Receives plans and trajectories until the next tick is due. Also drains when none waits, as a
+/// bus requires.
 static void follow_plans(publisher* self, int64_t until)
 {
     static transport_message batch[DRAIN_BATCH];
@@ -323,8 +340,19 @@ static void follow_plans(publisher* self, int64_t until)
         for (uint32_t i = 0; i < count; ++i) {
             if (batch[i].kind == TRANSPORT_PLAN) {
                 on_plan(self, &batch[i].as.plan, batch[i].arrival_utime);
+            } else if (batch[i].kind == TRANSPORT_TRAJECTORY) {
+                on_trajectory(self, &batch[i].as.trajectory, batch[i].arrival_utime);
             }
         }
+    }
+}
+
+static void on_trajectory(publisher* self, const verge_vehicle_trajectory_t* message,
+                          int64_t arrival)
+{
+    const bool answers = message->state_utime == self->sent_utime;
+    if (units_hear(&self->units, &self->world, message) == UNITS_DRIVEN && answers) {
+        latency_add_trajectory(&self->latency, arrival, self->sent_at);
     }
 }
 
@@ -441,6 +469,8 @@ static bool print_metrics(publisher* self)
     metrics_write(stdout, &self->metrics, false, "\n");
     fputs(",\n\"latency\":", stdout);
     latency_write(stdout, &self->latency);
+    fputs(",\n\"trajectories\":", stdout);
+    units_write(stdout, &self->units);
     fputs("}\n", stdout);
     return output_flush("verge-publish");
 }

@@ -345,21 +345,19 @@ static int32_t begin_of(const verge_vehicle_plan_t* plan, int32_t action)
     return action == 0 ? 0 : plan->actions[action - 1].t1_ms;
 }
 
-uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,
-                               verge_point points[VERGE_POINTS_MAX])
+/// sent, dt_ms: how many points there are, and the time between them.
+static uint32_t points_read(const verge_plan_point_t* from, int32_t sent, int32_t dt_ms,
+                            verge_point points[VERGE_POINTS_MAX])
 {
-    assert(wire_plan_check(plan) == NULL);
-
-    const uint32_t sent = (uint32_t)plan->point_count;
-    const uint32_t count = sent < VERGE_POINTS_MAX ? sent : VERGE_POINTS_MAX;
-    const double   dt = plan->dt_ms / 1000.0;
+    const uint32_t count = (uint32_t)sent < VERGE_POINTS_MAX ? (uint32_t)sent : VERGE_POINTS_MAX;
+    const double   dt = dt_ms / 1000.0;
     for (uint32_t i = 0; i < count; ++i) {
-        const verge_plan_point_t* point = &plan->points[i];
+        const verge_plan_point_t* point = &from[i];
         const bool   last = i + 1 == count;
         const double next = last ? 0.0 : (double)point[1].acceleration;
         const double now = (double)point->acceleration;
         points[i] = (verge_point){
-            .t = (int32_t)i * plan->dt_ms / 1000.0,
+            .t = (int32_t)i * dt_ms / 1000.0,
             .x = point->x,
             .y = point->y,
             .heading = (double)point->heading,
@@ -370,6 +368,22 @@ uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,
         };
     }
     return count;
+}
+
+uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,
+                               verge_point points[VERGE_POINTS_MAX])
+{
+    assert(wire_plan_check(plan) == NULL);
+
+    return points_read(plan->points, plan->point_count, plan->dt_ms, points);
+}
+
+uint32_t wire_points_from_trajectory(const verge_vehicle_trajectory_t* trajectory,
+                                     verge_point points[VERGE_POINTS_MAX])
+{
+    assert(wire_trajectory_check(trajectory) == NULL);
+
+    return points_read(trajectory->points, trajectory->point_count, trajectory->dt_ms, points);
 }
 
 const verge_plan_action_t* wire_action_at(const verge_vehicle_plan_t* plan, int64_t utime)

@@ -138,6 +138,10 @@ bool wire_plan_rest(const verge_vehicle_plan_t* plan, int64_t utime, verge_vehic
 uint32_t wire_points_from_plan(const verge_vehicle_plan_t* plan,
                                verge_point points[VERGE_POINTS_MAX]);
 
+/// The same for a checked trajectory message.
+uint32_t wire_points_from_trajectory(const verge_vehicle_trajectory_t* trajectory,
+                                     verge_point points[VERGE_POINTS_MAX]);
+
 /// The action at an instant: the last one whose t0 is not later. Null: there is none. Points into
 /// the plan.
 const verge_plan_action_t* wire_action_at(const verge_vehicle_plan_t* plan, int64_t utime);

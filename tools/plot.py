@@ -7,7 +7,7 @@ where it begins. Uncontrolled vehicles are grey. A long road is split into rows;
 the one above. With --at, the road is drawn once for each instant instead: every body where it is
 then, with its number, and the path of the last two seconds behind it. That shows dense traffic, in
 which paths cover each other. Below: the speeds, and the action of each controlled vehicle over
-time.
+time. A narrow band below the actions is the mode of the vehicle's on-vehicle unit, if it has one.
 
 The run file is that of verge-sim and verge-publish, format verge-run/1.
 """
@@ -50,6 +50,10 @@ ACTION_COLORS = {"KS": "#D9D9D9", "AC": "#8FCB8B", "DC": "#F08A7E", "LCL": "#7FB
                  "LCR": "#F5C061"}
 ACTION_NAMES = {"KS": "keep speed", "AC": "accelerate", "DC": "decelerate",
                 "LCL": "change left", "LCR": "change right"}
+MODE_COLORS = {"following": "#1F7A6B", "departing": "#E8710A", "alone": "#6A3D9A",
+               "stopping": "#C8102E", "none": "#26262B"}
+MODE_NAMES = {"following": "follows the plan", "departing": "departs from it",
+              "alone": "has no plan", "stopping": "stops", "none": "is silent"}
 ASPHALT, PAINT, EDGE = "#E6E6E8", "#9A9AA0", "#5B5B62"
 HUMAN, HUMAN_BODY, HUMAN_TEXT = "#77777D", "#B5B5BA", "#4A4A50"
 
@@ -63,6 +67,7 @@ class Track:
         self.length, self.width = info["length"], info["width"]
         self.color = HUMAN
         self.rows, self.signs, self.fallbacks = [], [], []
+        self.modes = []  # [(instant, mode of the on-vehicle unit from then on)]
 
     def finish(self, frame):
         """After the last tick: columns of numbers, in the frame of the picture."""
@@ -85,6 +90,16 @@ class Track:
                     found.append((first, i, self.signs[first][0]))
                 first = i
         return found
+
+
+    def mode_spans(self):
+        """[(begin, end, mode)]; spans of one mode that differ in its reason are merged."""
+        found = []
+        for t, mode in self.modes:
+            if not found or found[-1][1] != mode:
+                found.append((t, mode))
+        ends = [t for t, _ in found[1:]] + [max(self.t[-1], self.t[0])]
+        return [(t, end, mode) for (t, mode), end in zip(found, ends) if end > t]
 
 
 class Run:
@@ -121,6 +136,10 @@ class Run:
             track = self.tracks[row[0]]
             track.rows.append([line["t"], *row[1:5]])
             track.signs.append((row[7], row[8], row[9]))
+        if "unit" in line:
+            mode = line["unit"]["mode"]
+            MODE_COLORS[mode]  # a mode that is not known is a fault of the file
+            self.tracks[line["unit"]["id"]].modes.append((line["t"], mode))
         for plan in line.get("plan", {}).get("vehicles", []):
             if plan["status"] == "fallback" and plan["id"] in self.tracks:
                 self.tracks[plan["id"]].fallbacks.append(line["t"])
@@ -347,16 +366,24 @@ def draw_speeds(axes, run):
     axes.tick_params(labelbottom=False)
 
 
+def draw_actions(axes, run, row, track):
+    # Above the band of modes, if there is one.
+    middle, height = (row - 0.12, 0.54) if track.modes else (row, 0.74)
+    for a, b, word in track.segments():
+        t0 = track.t[a]
+        t1 = track.t[b] if b < len(track.t) else track.t[-1]
+        axes.barh(middle, t1 - t0, left=t0, height=height, color=ACTION_COLORS[word],
+                  edgecolor="white", linewidth=0.8)
+        if (t1 - t0) / run.t_end > 0.026 + 0.004 * len(word):
+            axes.text(0.5 * (t0 + t1), middle, word, ha="center", va="center_baseline",
+                      fontsize=7.5, color="#303036")
+
+
 def draw_strips(axes, run):
     for row, track in enumerate(run.controlled):
-        for a, b, word in track.segments():
-            t0 = track.t[a]
-            t1 = track.t[b] if b < len(track.t) else track.t[-1]
-            axes.barh(row, t1 - t0, left=t0, height=0.74, color=ACTION_COLORS[word],
-                      edgecolor="white", linewidth=0.8)
-            if (t1 - t0) / run.t_end > 0.026 + 0.004 * len(word):
-                axes.text(0.5 * (t0 + t1), row, word, ha="center", va="center_baseline",
-                          fontsize=7.5, color="#303036")
+        draw_actions(axes, run, row, track)
+        for t0, t1, mode in track.mode_spans():
+            axes.barh(row + 0.27, t1 - t0, left=t0, height=0.2, color=MODE_COLORS[mode])
         axes.plot(track.fallbacks, [row - 0.4] * len(track.fallbacks), linestyle="none",
                   marker="v", markersize=5, color="#B00020", clip_on=False, zorder=4)
     axes.set(yticks=range(len(run.controlled)), xlabel="time [s]",
@@ -366,16 +393,23 @@ def draw_strips(axes, run):
     axes.tick_params(axis="y", length=0)
     for label, track in zip(axes.get_yticklabels(), run.controlled):
         label.set(color=track.color, fontweight="bold")
+    axes.legend(handles=legend_of(run), loc="upper left", bbox_to_anchor=(1.008, 1.02),
+                frameon=False, fontsize=8, handlelength=1.0, handleheight=1.0, borderaxespad=0.0)
+
+
+def legend_of(run):
     used = {word for t in run.controlled for _, _, word in t.segments()}
+    modes = {mode for t in run.controlled for _, _, mode in t.mode_spans()}
     handles = [Patch(color=ACTION_COLORS[w], label=f"{w}  {ACTION_NAMES[w]}")
                for w in ACTION_COLORS if w in used]
+    handles += [Patch(color=MODE_COLORS[m], label=f"unit {MODE_NAMES[m]}")
+                for m in MODE_COLORS if m in modes]
     if run.humans:
         handles.append(Line2D([], [], color="#C4C4C9", label="speed of a human"))
     if any(t.fallbacks for t in run.controlled):
         handles.append(Line2D([], [], linestyle="none", marker="v", markersize=5, color="#B00020",
                               label="fallback planned"))
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.008, 1.02), frameon=False,
-                fontsize=8, handlelength=1.0, handleheight=1.0, borderaxespad=0.0)
+    return handles
 
 
 # --- the page -----------------------------------------------------------------------------------
@@ -450,7 +484,9 @@ def draw_page(run, road, out):
     row_height = min(ROAD_HEIGHT_MAX, width * (view[3] - view[2]) / (view[1] - view[0]))
     scale = row_height / (view[3] - view[2])  # [in] a metre
     rows = -(-len(road.views) // road.columns)
-    strip_height = max(1.2, 0.27 * len(run.controlled))
+    modes = any(track.modes for track in run.controlled)
+    strip_height = max(1.2, (0.36 if modes else 0.27) * len(run.controlled),
+                       0.167 * len(legend_of(run)) - 0.4)
     head, speed_height, gap = 0.95, 2.1, 0.36
     height = head + rows * (row_height + gap) + 0.25 + speed_height + 0.14 + strip_height + 0.6
     figure = plt.figure(figsize=(FIGURE_WIDTH, height), facecolor="white")

@@ -33,6 +33,7 @@ DRAWN_DT = 0.3          # [s] between the points of a planned path that are kept
 STRAIGHT = 0.01         # [m] a painted line may deviate from its surveyed points
 STATE = {"x": 1e3, "y": 1e3, "heading": 1e4, "speed": 1e3, "acceleration": 1e3}  # units per SI unit
 METRIC_DIGITS = 6
+MODES = ("following", "departing", "alone", "stopping", "none")  # of on-vehicle units
 
 
 # --- small numbers ------------------------------------------------------------------------------
@@ -100,7 +101,7 @@ class Vehicle:
     """One vehicle over the run: the ranges of ticks in which it was present."""
 
     def __init__(self, info):
-        self.info, self.parts = info, []
+        self.info, self.parts, self.modes = info, [], []
 
     def add(self, tick, row):
         check_row(row)
@@ -113,8 +114,14 @@ class Vehicle:
         return {"id": info["id"], "controlled": info["control"] == "controlled",
                 "length": info["length"], "width": info["width"],
                 "target": info.get("target_lane"), "habit": habit_word(info.get("habit")),
-                "recorded": "track" in info,
+                "recorded": "track" in info, "modes": self.modes,
                 "parts": [self.part(first, rows) for first, rows in self.parts]}
+
+    def add_mode(self, t, unit):
+        """A change of the mode of its on-vehicle unit, its reason, or the vehicle of the reason."""
+        if unit["mode"] not in MODES:
+            raise ValueError(f"mode {unit['mode']}")
+        self.modes.append([t, unit["mode"], unit["reason"], unit["vehicle"], unit["cycle"]])
 
     @staticmethod
     def part(first, rows):
@@ -232,6 +239,8 @@ class Run:
         elif "plan" in line:
             plan = plan_document(line["t"], line["plan"], self.lane_by_id, self.words)
             self.plans.append(plan)
+        elif "unit" in line:
+            self.by_id[line["unit"]["id"]].add_mode(line["t"], line["unit"])
         elif "metrics" in line:
             self.metrics = line["metrics"]
 

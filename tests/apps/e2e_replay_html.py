@@ -61,6 +61,21 @@ def plan_line(t, vehicles, predictions=()):
                              "vehicles": vehicles, "predictions": list(predictions)}}
 
 
+def unit_line(t, number, mode, reason="none", about=None, cycle=None):
+    return {"t": t, "unit": {"id": number, "mode": mode, "reason": reason, "vehicle": about,
+                             "cycle": cycle}}
+
+
+def modes_run():
+    """One vehicle that stands still, whose unit is in each mode for a second from 1 s on."""
+    lines = lights_run()
+    lines.append(lines[-1] | {"t": 5.9})
+    return lines + [unit_line(1.0, 0, "following", cycle=8),
+                    unit_line(2.0, 0, "departing", "contact", 4, 9),
+                    unit_line(3.0, 0, "alone", "silent"),
+                    unit_line(4.0, 0, "stopping", "no_position"), unit_line(5.0, 0, "none")]
+
+
 def lights_run():
     """One vehicle that stands still: dark for 1 s, braking for 1 s, then left, then right."""
     def signs(t):
@@ -133,6 +148,8 @@ def bad_input_is_refused_with_one_line(folder):
            "short-row": [*good, {"t": 9.0, "vehicles": [row[:7]]}],
            "stranger": [*good, {"t": 9.0, "vehicles": [[77, *row[1:]]]}],
            "not-finite": [*good, {"t": 9.0, "vehicles": [[0, math.nan, *row[2:]]]}],
+           "no-mode": [*good, unit_line(1.0, 0, "sleeping")],
+           "unit-of-a-stranger": [*good, unit_line(1.0, 77, "alone")],
            "no-road": [{"format": "verge-run/1", "scenario": {"name": "x"}}]}
     for name, lines in bad.items():
         made(write(os.path.join(folder, f"bad-{name}.jsonl"), lines), status=2)
@@ -328,6 +345,44 @@ def lights_are_drawn(browser):
         assert [count > 8 for count in lit] == [brake, left, right], f"t {t}: {lit}"
 
 
+def modes_of_units_are_shown(browser, folder):
+    """In words, around the body, and as a band of the chart."""
+    browser.open(made(write(os.path.join(folder, "modes.jsonl"), modes_run()))[0])
+    wanted = {0.5: ("no trajectory yet", None), 1.5: ("follows the plan since 1.0 s", None),
+              2.5: ("departs from the plan since 2.0 s: contact, vehicle 4", (0xD9, 0x65, 0x0A)),
+              3.5: ("has no plan since 3.0 s: silent", (0x6A, 0x3D, 0x9A)),
+              4.5: ("stops since 4.0 s: no position", (0xC8, 0x10, 0x2E)),
+              5.5: ("is silent since 5.0 s", (0x26, 0x26, 0x2B))}
+    colors = [color for _, color in wanted.values() if color]
+    for t, (words, color) in wanted.items():
+        seek(browser, t)
+        text = browser.value("document.querySelector('.mode').textContent")
+        assert text.endswith(words), f"t {t}: {text}"
+        around = [near(browser, 0, *other) > 40 for other in colors]
+        assert around == [other == color for other in colors], f"t {t}: {around}"
+    for color in [(0x1F, 0x7A, 0x6B), *colors]:
+        count = browser.value(f"""(() => {{
+          const chart = document.getElementById("chart");
+          const copy = new OffscreenCanvas(chart.width, chart.height)
+            .getContext("2d", {{ willReadFrequently: true }});
+          copy.drawImage(chart, 0, 0);
+          const {{ data }} = copy.getImageData(0, 0, chart.width, chart.height);
+          let count = 0;
+          for (let i = 0; i < data.length; i += 4) {{
+            if ({' && '.join(f'data[i + {k}] === {color[k]}' for k in range(3))}) ++count;
+          }}
+          return count; }})()""")
+        assert count > 200, f"{color} in the chart: {count} pixels"
+    legend = browser.value("document.getElementById('legend').textContent")
+    assert "the on-vehicle unit departs from the plan" in legend, legend
+
+
+def without_units_no_mode_is_shown(browser):
+    assert browser.value("[...document.querySelectorAll('.mode')].every(p => p.hidden)")
+    assert "unit" not in browser.value("document.getElementById('legend').textContent")
+    assert browser.value("document.getElementById('modes-title').hidden")
+
+
 def the_page_fits_small_windows(browser):
     """On a phone, a tablet and a desktop, the road and its controls are within the window."""
     for width, height in ((360, 740), (390, 844), (844, 390), (820, 1180), (1440, 900)):
@@ -418,6 +473,7 @@ def in_the_browser(browser, run, page, short, folder):
     vehicles_are_drawn_where_they_are(browser)
     playing_advances_time(browser)
     arrows_step_one_tick(browser)
+    without_units_no_mode_is_shown(browser)
     a_click_follows_and_wheel_and_drag_move_the_camera(browser)
     everything_has_a_name(browser)
     the_page_fits_small_windows(browser)
@@ -427,6 +483,7 @@ def in_the_browser(browser, run, page, short, folder):
     browser.open(short)
     assert abs(browser.value("verge.end") - 3.9) < 1e-6
     lights_are_drawn(browser)
+    modes_of_units_are_shown(browser, folder)
     names_are_text(browser, folder)
     leaving_and_coming_back(browser, folder)
     large_runs_replay(browser, folder)

@@ -74,7 +74,10 @@ def damaged_runs_are_refused_by_their_line(folder, run_text):
                "text": {**row, "vehicles": [[*row["vehicles"][0][:1], "x",
                                              *row["vehicles"][0][2:]]]},
                "no-time": {"vehicles": row["vehicles"]}, "no-rows": {**row, "vehicles": 5},
-               "plan": {"t": 0.0, "plan": {"vehicles": [{"id": 0}]}}}
+               "plan": {"t": 0.0, "plan": {"vehicles": [{"id": 0}]}},
+               "unit": {"t": 0.0, "unit": {"id": 77, "mode": "alone"}},
+               "mode": {"t": 0.0, "unit": {"id": 0, "mode": "asleep", "reason": "none",
+                                           "vehicle": None, "cycle": None}}}
     for name, damage in damages.items():
         path = folder / f"damaged-{name}"
         path.write_text("\n".join([*lines[:tick], json.dumps(damage), *lines[tick + 1:]]))
@@ -109,6 +112,25 @@ def instants_are_drawn_and_others_refused(folder, good):
         png = out.read_bytes()
         sizes.append(int.from_bytes(png[20:24], "big"))  # the height, of the PNG's header
     assert sizes[0] < sizes[1] < sizes[2], f"a panel for each instant: heights {sizes}"
+
+
+def modes_of_on_vehicle_units_are_drawn(folder, run_text):
+    """A band of its colour for each mode that occurs, and none without units."""
+    modes = {"following": (0x1F, 0x7A, 0x6B), "departing": (0xE8, 0x71, 0x0A),
+             "alone": (0x6A, 0x3D, 0x9A), "stopping": (0xC8, 0x10, 0x2E),
+             "none": (0x26, 0x26, 0x2B)}
+    run_file, out = folder / "modes.jsonl", folder / "modes.png"
+    for count in (0, 2, 5):
+        lines = [json.dumps({"t": 1.0 + 2.0 * k, "unit": {
+            "id": 2, "mode": mode, "reason": "none", "vehicle": None, "cycle": None}})
+            for k, mode in enumerate(list(modes)[:count])]
+        run_file.write_text(run_text + "\n".join(lines) + "\n")
+        done = run("plot.py", run_file, out)
+        assert done.returncode == 0 and done.stderr == "", done
+        pixels = (matplotlib.image.imread(out)[..., :3] * 255.0).round()
+        drawn = [mode for mode, color in modes.items()
+                 if (pixels == color).all(axis=-1).sum() > 1000]
+        assert drawn == list(modes)[:count], f"{count} modes: {drawn}"
 
 
 def help_and_version_are_printed(folder):
@@ -155,7 +177,8 @@ def main():
     parser.add_argument("--bin", required=True)
     options, _ = parser.parse_known_args()
     try:
-        import matplotlib  # pylint: disable=unused-import,import-outside-toplevel
+        global matplotlib  # pylint: disable=global-statement
+        import matplotlib.image  # pylint: disable=import-outside-toplevel
     except ImportError:
         print("SKIPPED: python3-matplotlib is missing")
         return 77
@@ -170,6 +193,7 @@ def main():
         damaged_runs_are_refused_by_their_line(folder, text)
         a_run_cut_off_is_shown_as_far_as_it_goes(folder, text)
         instants_are_drawn_and_others_refused(folder, good)
+        modes_of_on_vehicle_units_are_drawn(folder, text)
         help_and_version_are_printed(folder)
         other_tools_refuse_what_they_cannot_use(folder, bad)
     print("the tools tell in one line what they cannot use")

@@ -17,6 +17,8 @@ const COLORS = ["#0072B2", "#D55E00", "#009E73", "#C0609B", "#A67608", "#2E9AD8"
   "#2166AC"];
 const ACTIONS = { KS: "keep speed", AC: "accelerate", DC: "decelerate", LCL: "change left",
   LCR: "change right" };
+const MODES = { following: "follows the plan", departing: "departs from the plan",
+  alone: "has no plan", stopping: "stops", none: "is silent" }; // of an on-vehicle unit
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
 const TRAIL_S = 2.5;        // [s] of path drawn behind a vehicle
 const LOOK_AHEAD_S = 1.5;   // [s] of driving the automatic camera keeps in view
@@ -69,6 +71,7 @@ const planned = run.vehicles.filter((v) => v.controlled);
 const humans = run.vehicles.filter((v) => !v.controlled);
 const leading = planned.length ? planned : run.vehicles; // kept in view by the camera
 planned.forEach((v, i) => { v.color = COLORS[i % COLORS.length]; });
+const onBoard = planned.some((v) => v.modes.length); // vehicles have on-vehicle units
 
 // --- the state at a moment ----------------------------------------------------------------------
 
@@ -103,6 +106,15 @@ function planAt(t) {
   return run.plans[lastBefore(run.plans.length, (i) => run.plans[i].t, t)];
 }
 
+// What the on-vehicle unit of a vehicle does at t; null before its first trajectory.
+function modeAt(vehicle, t) {
+  const known = vehicle.modes;
+  if (!known.length || known[0][0] > t + 1e-6) return null;
+  const [since, mode, reason, about, cycle] =
+    known[lastBefore(known.length, (i) => known[i][0], t)];
+  return { since, mode, reason, vehicle: about, cycle };
+}
+
 // A planned or predicted path from t on, as [[x, y], ...], beginning at the vehicle itself.
 function pathAhead(path, since, t, state) {
   const ahead = [[state.x, state.y]];
@@ -122,7 +134,8 @@ let palette = {}, dirty = true;
 function readPalette() {
   const style = getComputedStyle(document.documentElement);
   for (const name of ["page", "card", "ink", "soft", "line", "ground", "asphalt", "paint", "edge",
-    "mark", "human", "human-ink", "glass", "bad", "ks", "ac", "dc", "lcl", "lcr", "on-action"]) {
+    "mark", "human", "human-ink", "glass", "bad", "ks", "ac", "dc", "lcl", "lcr", "on-action",
+    ...Object.keys(MODES)]) {
     palette[name] = style.getPropertyValue(`--${name}`).trim();
   }
 }
@@ -429,6 +442,15 @@ function drawBody(pen, vehicle, state) {
   pen.strokeStyle = followed ? palette.ink : palette.card;
   pen.lineWidth = (followed ? 2.5 : 1) * hair;
   pen.stroke();
+  const unit = modeAt(vehicle, now.t);
+  if (unit && unit.mode !== "following") { // a second outline around the body
+    const away = 3.5 * hair;
+    box(pen, -half - away, -side - away, vehicle.length + 2 * away, vehicle.width + 2 * away,
+      0.26 * vehicle.width + away);
+    pen.strokeStyle = palette[unit.mode];
+    pen.lineWidth = 3 * hair;
+    pen.stroke();
+  }
   if (camera.scale > 3.5) {
     pen.fillStyle = palette.glass;
     box(pen, 0.5 * half, -0.8 * side, 0.2 * half, 1.6 * side, 0.12);
@@ -474,6 +496,8 @@ function drawLabel(pen, vehicle, state, taken) {
   if (!numberBody(pen, vehicle, px, py, heading, upright)
     && (vehicle.controlled || camera.scale > 3)) words.push(String(vehicle.id));
   if (vehicle.controlled && state.action && state.action !== "KS") words.push(state.action);
+  const unit = modeAt(vehicle, now.t);
+  if (unit && unit.mode !== "following") words.push(unit.mode === "none" ? "silent" : unit.mode);
   if (!words.length) return;
   const text = words.join(" ");
   pen.font = `${vehicle.controlled ? 700 : 500} 11px system-ui, sans-serif`;
@@ -552,7 +576,8 @@ function showScale() {
 
 // --- the chart: speeds, and the actions driven --------------------------------------------------
 
-const CHART = { left: 34, right: 40, top: 8, speeds: 150, gap: 24, row: 18 };
+const CHART = { left: 34, right: 40, top: 8, speeds: 150, gap: 24, strip: 15,
+  row: onBoard ? 26 : 18 };
 
 // Ticks of an axis: a round step that gives at most so many.
 function roundStep(span, most) {
@@ -660,7 +685,7 @@ function drawStrips(pen, width) {
     for (const [a, b, action] of segmentsOf(vehicle)) {
       const x0 = chartX(times[a], width), x1 = chartX(times[Math.min(b, times.length - 1)], width);
       pen.fillStyle = palette[action.toLowerCase()] || palette.ks;
-      box(pen, x0, y, Math.max(1, x1 - x0 - 1), CHART.row - 3, 3);
+      box(pen, x0, y, Math.max(1, x1 - x0 - 1), CHART.strip, 3);
       pen.fill();
       pen.fillStyle = palette["on-action"];
       if (x1 - x0 > 28) pen.fillText(action, 0.5 * (x0 + x1), y + 8);
@@ -668,8 +693,21 @@ function drawStrips(pen, width) {
     pen.fillStyle = palette.bad;
     for (const plan of run.plans) {
       if (!plan.vehicles.some((v) => v.id === vehicle.id && v.status !== "planned")) continue;
-      dot(pen, chartX(plan.t, width), y + CHART.row - 4, 3);
+      dot(pen, chartX(plan.t, width), y + CHART.strip - 1, 3);
     }
+    drawModes(pen, width, vehicle, y + CHART.strip + 2);
+  });
+}
+
+// The mode of the on-vehicle unit over time, as a band.
+function drawModes(pen, width, vehicle, y) {
+  const last = vehicle.parts[vehicle.parts.length - 1];
+  const end = times[last.first + last.count - 1];
+  vehicle.modes.forEach(([t, mode], i) => {
+    const to = i + 1 < vehicle.modes.length ? vehicle.modes[i + 1][0] : end;
+    const x0 = chartX(t, width), x1 = chartX(to, width);
+    pen.fillStyle = palette[mode];
+    if (x1 > x0) pen.fillRect(x0, y, Math.max(1, x1 - x0), 5);
   });
 }
 
@@ -748,20 +786,43 @@ function buildVehicles() {
     const row = { turns: [-1, 1].map(() => make("i", { className: "turn" })),
       brake: make("i", { className: "brake" }), wish: make("span", { className: "wish" }),
       pace: make("span", { className: "pace" }), strip: make("div", { className: "strip" }),
-      words: make("span", {}), lane: make("small", {}), plan: undefined };
+      words: make("span", {}), lane: make("small", {}), plan: undefined,
+      patch: make("i", {}), unit: make("span", {}) };
     row.say = make("p", { className: "say" }, row.words, row.lane);
+    row.mode = make("p", { className: "mode", hidden: !vehicle.modes.length }, row.patch, row.unit);
     vehicle.row = row;
     const lamps = make("span", { className: "lamps" }, row.turns[1], row.brake, row.turns[0]);
     const who = make("div", { className: "who" }, button(vehicle), row.wish, lamps, row.pace);
-    byId("vehicles").append(make("li", {}, who, row.strip, row.say));
+    byId("vehicles").append(make("li", {}, who, row.strip, row.say, row.mode));
   }
   byId("humans-box").hidden = !humans.length;
   byId("humans").append(...humans.map(button));
-  for (const [word, meaning] of Object.entries(ACTIONS)) {
-    const patch = make("i", {});
-    patch.style.background = `var(--${word.toLowerCase()})`;
-    byId("legend").append(make("span", {}, patch, `${word} ${meaning}`));
+  byId("modes-title").hidden = !onBoard;
+  for (const [word, meaning] of Object.entries(ACTIONS)) addLegend(word, `${word} ${meaning}`);
+  const modes = new Set(planned.flatMap((v) => v.modes.map(([, mode]) => mode)));
+  for (const [mode, meaning] of Object.entries(MODES)) {
+    if (modes.has(mode)) addLegend(mode, `the on-vehicle unit ${meaning}`);
   }
+}
+
+// name: of a colour of the style.
+function addLegend(name, meaning) {
+  const patch = make("i", {});
+  patch.style.background = `var(--${name.toLowerCase()})`;
+  byId("legend").append(make("span", {}, patch, meaning));
+}
+
+// The mode of the on-vehicle unit, since when and why.
+function showMode(vehicle) {
+  const row = vehicle.row, unit = modeAt(vehicle, now.t);
+  row.patch.style.background = unit ? `var(--${unit.mode})` : "none";
+  if (!unit) {
+    setText(row.unit, "the on-vehicle unit has sent no trajectory yet");
+    return;
+  }
+  const why = unit.reason === "none" ? "" : `: ${unit.reason.replace(/_/g, " ")}`;
+  const about = unit.vehicle === null ? "" : `, vehicle ${unit.vehicle}`;
+  setText(row.unit, `the unit ${MODES[unit.mode]} since ${unit.since.toFixed(1)} s${why}${about}`);
 }
 
 function showVehicle(vehicle, plan) {
@@ -776,6 +837,7 @@ function showVehicle(vehicle, plan) {
   row.turns[1].classList.toggle("on", turn === 1 && blinkOn());
   row.brake.classList.toggle("on", Boolean(state && state.brake));
   if (row.plan !== own) buildStrip(vehicle, own);
+  showMode(vehicle);
   if (!own) {
     setText(row.words, "no plan yet");
     setText(row.lane, "");
@@ -923,6 +985,17 @@ function metricEntry(key, value) {
   return [name, text(value.mean), "", note.join(" · ")];
 }
 
+// The seconds in each mode, over all vehicles, and how often a unit changed its mode.
+function unitsEntry(units) {
+  const sums = {};
+  for (const [mode, value] of Object.values(units).flatMap(Object.entries)) {
+    sums[mode] = (sums[mode] || 0) + value;
+  }
+  const note = Object.keys(MODES).filter((mode) => sums[mode])
+    .map((mode) => `${mode}:\u00a0${sums[mode].toFixed(1)}\u00a0s`);
+  return ["Changes of on-vehicle units' modes", String(sums.changes), "", note.join(" · ")];
+}
+
 function showMetrics() {
   const metrics = run.metrics || {};
   const entries = [];
@@ -940,7 +1013,7 @@ function showMetrics() {
     const planner = ["nodes_mean", "reordered", "unstuck"].includes(key);
     const unheard = planner && !known(value); // a run of verge-publish
     if (!apart && !unheard) {
-      entries.push(metricEntry(key, value));
+      entries.push(key === "units" ? unitsEntry(value) : metricEntry(key, value));
     }
   }
   facts(byId("metrics"), entries.length ? entries : [["Metrics", "the run was cut short"]]);
@@ -1201,6 +1274,7 @@ window.verge = {
   get camera() { return { ...camera }; },
   start: START, end: END, ids: run.vehicles.map((v) => v.id),
   seek, play: () => play(true), pause: () => play(false), setSpeed, follow, setCamera,
+  mode: (id) => modeAt(vehicles.get(id), now.t),
   vehicle: (id) => (vehicles.has(id) ? stateOf(vehicles.get(id), now.t) : null),
   screen: (id) => { const s = stateOf(vehicles.get(id), now.t); return s && toScreen(s.x, s.y); },
 };

@@ -301,19 +301,27 @@ static void test_surplus_vehicles_are_obstacles_and_the_planned_keep_their_place
 
 // ---------------------------------------------------------------- projection
 
-/// The same motion in ten thousand small steps.
+/// The same motion in ten thousand small steps of the rear axle, which moves along the heading.
 static void drive(verge_vehicle* v, double dt)
 {
     const int    steps = 10000;
     const double h = dt / steps;
-    const bool   turns = isfinite(v->yaw_rate) && v->speed >= 2.0;
+    const double axle = verge_body_by_size(v->length, v->width).rear_axle;
+    const double rate = isfinite(v->yaw_rate) && v->speed > 0.0 ? v->yaw_rate / v->speed : 0.0;
+    const double curvature = fmax(-0.5, fmin(rate, 0.5)); // of the centre's path
+    double       x = v->x - axle * cos(v->heading), y = v->y - axle * sin(v->heading);
     for (int i = 0; i < steps && v->speed > 0.0; ++i) {
         const double speed = fmax(0.0, v->speed + v->acceleration * h);
-        v->x += 0.5 * (v->speed + speed) * h * cos(v->heading);
-        v->y += 0.5 * (v->speed + speed) * h * sin(v->heading);
-        v->heading += turns ? v->yaw_rate * h : 0.0;
+        const double ds = 0.5 * (v->speed + speed) * h;
+        const double turn = curvature * ds;
+        const double axle_ds = sqrt(ds * ds - axle * axle * turn * turn);
+        x += axle_ds * cos(v->heading);
+        y += axle_ds * sin(v->heading);
+        v->heading += turn;
         v->speed = speed;
     }
+    v->x = x + axle * cos(v->heading);
+    v->y = y + axle * sin(v->heading);
 }
 
 static void test_projection_agrees_with_driving_in_small_steps(void** state)
@@ -321,7 +329,7 @@ static void test_projection_agrees_with_driving_in_small_steps(void** state)
     (void)state;
     test_rng rng = test_rng_seeded("projection");
     for (uint32_t i = 0; i < test_rounds(300); ++i) {
-        verge_vehicle v = { 0 };
+        verge_vehicle v = { .length = 5.0, .width = 2.0 };
         v.heading = test_rng_between(&rng, -3.0, 3.0);
         v.speed = test_rng_between(&rng, 0.0, 30.0);
         v.acceleration = test_rng_between(&rng, -8.0, 4.0);

@@ -370,8 +370,26 @@ bool inbox_latest(const inbox* self, int32_t id, int64_t utime, verge_vehicle* v
     return false;
 }
 
-/// Along the arc of constant yaw rate; the chord of an arc points along its middle heading. The
-/// chord's length is taken as the arc's: at 3 rad/s and 0.3 s the difference is below 1 %.
+/// Yaw rate over speed; 0 if it is unknown, at standstill and backwards. At most that of the centre
+/// of a car in its tightest turn: noise does not turn a vehicle that hardly moves. [1/m]
+static double curvature_of(const verge_vehicle* vehicle)
+{
+    static const double most = 0.5;
+    return vg_finite(vehicle->yaw_rate) && vehicle->speed > 0.0
+               ? vg_max(-most, vg_min(vehicle->yaw_rate / vehicle->speed, most))
+               : 0.0;
+}
+
+static double rear_axle_of(const verge_vehicle* vehicle)
+{
+    const verge_body* given = &vehicle->body;
+    return given->length > 0.0 ? given->rear_axle
+                               : verge_body_by_size(vehicle->length, vehicle->width).rear_axle;
+}
+
+/// The rear axle moves along the heading, on an arc; its chord points along the middle heading. The
+/// chord's length is taken as the arc's: for a turn of 0.5 rad the difference is 1 %. The centre,
+/// ahead of the axle, moves farther: a part of its distance is across the heading.
 void inbox_project(verge_vehicle* vehicle, double dt)
 {
     const double speed = vehicle->speed;
@@ -392,13 +410,16 @@ void inbox_project(verge_vehicle* vehicle, double dt)
         acceleration_end = 0.0;
     }
     const double distance = 0.5 * (speed + speed_end) * moving;
-    const bool   turns = vg_finite(vehicle->yaw_rate) && speed >= VERGE_SPEED_SLOW;
-    const double turn = turns ? vehicle->yaw_rate * moving : 0.0;
-    const double course = vehicle->heading + 0.5 * turn;
+    const double curvature = curvature_of(vehicle);
+    const double rear_axle = rear_axle_of(vehicle);
+    const double across = vg_max(-0.9, vg_min(rear_axle * curvature, 0.9)); // share of the distance
+    const double along = distance * vg_sqrt(1.0 - across * across);
+    const double turn = curvature * distance;
+    const double now = vehicle->heading, middle = now + 0.5 * turn, then = now + turn;
 
-    vehicle->x += distance * vg_cos(course);
-    vehicle->y += distance * vg_sin(course);
-    vehicle->heading = vg_wrap_angle(vehicle->heading + turn);
+    vehicle->x += along * vg_cos(middle) + rear_axle * (vg_cos(then) - vg_cos(now));
+    vehicle->y += along * vg_sin(middle) + rear_axle * (vg_sin(then) - vg_sin(now));
+    vehicle->heading = vg_wrap_angle(then);
     vehicle->speed = speed_end;
     vehicle->acceleration = acceleration_end;
 }

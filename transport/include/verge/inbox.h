@@ -191,7 +191,7 @@ typedef struct inbox_view {
 } inbox_view;
 
 /// Extrapolates every state to plan_utime with constant acceleration, until the vehicle stands, and
-/// constant yaw rate (0 if it is unknown or the speed is below 2 m/s). Vehicles that request a plan
+/// constant curvature (0 if the yaw rate is unknown, and backwards; at most 0.5 1/m). Vehicles that request a plan
 /// and are fresh are controlled; if there are more than controlled_max, those of the last view
 /// first, then by id. Forgets vehicles older than drop_ms. Each cancellation appears in exactly one
 /// view.
@@ -201,7 +201,8 @@ void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view);
 bool inbox_latest(const inbox* self, int32_t id, int64_t utime, verge_vehicle* vehicle,
                   int64_t* state_utime);
 
-/// A vehicle's motion from its own instant to dt [s] later (or, dt < 0, earlier).
+/// A vehicle's motion from its own instant to dt [s] later (or, dt < 0, earlier). Its rear axle
+/// moves along the heading (body.h), so in a turn its centre does not.
 void inbox_project(verge_vehicle* vehicle, double dt);
 
 /// Writes the rx_ fields of a status, capped at INT32_MAX: those of the inbox and, for

@@ -53,6 +53,27 @@ def ends_with_the_result(text, name):
     return picture, page, run
 
 
+def units_drive_alone_while_the_roadside_daemon_is_dead(binaries, cwd):
+    text, _ = demo(binaries, "--obu", "--seconds", "11", cwd=cwd)
+    for number in (0, 2, 3):
+        modes = re.findall(rf"^ +[\d.]+ s  vehicle {number} +mode (\w+)", text, re.MULTILINE)
+        at = modes.index("following")
+        assert "alone" in modes[at:] and modes[-1] == "following", f"{number}: {modes}\n{text}"
+        assert f"on-vehicle unit of vehicle {number}: " in text, text
+    assert text.index("Killing the roadside daemon") < text.index("roadside daemon again")
+    assert "verge-rsu and each verge-obu ended with status 0" in text, text
+    left = [path.parent.name for path in pathlib.Path("/proc").glob("[0-9]*/cmdline")
+            if b"out/demo/obu-" in read_quietly(path)]
+    assert not left, f"processes {left} are left"
+
+
+def read_quietly(path):
+    try:
+        return path.read_bytes()
+    except OSError:  # the process has ended
+        return b""
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--bin", required=True)
@@ -82,6 +103,7 @@ def main():
                 os.unlink(path)
         text, _ = demo(binaries, "--scenario", "ramp-case3", "--seconds", "2", cwd=folder)
         ends_with_the_result(text, "ramp-case3")
+        units_drive_alone_while_the_roadside_daemon_is_dead(binaries, folder)
         (place / "none.json").write_text("{}")
         for given in ("nosuch", "none.json", "."):
             text, error = demo(binaries, "--scenario", given, cwd=place, status=2)

@@ -39,7 +39,7 @@ static bool read_planner(site* site, const json_at* root)
         site->planner.vehicles_max = OBU_VEHICLES_DEFAULT;
     }
     if (!json_given(&search)) {
-        site->planner.search = VERGE_SEARCH_BEST;
+        site->planner.search = VERGE_SEARCH_POLICY;
     }
     if (json_given(&controlled) && site->planner.controlled_max != 1) {
         return json_fail(&controlled, "is %u, expected 1: this unit plans its own vehicle",

@@ -131,8 +131,8 @@ static void test_codes_have_names_and_others_are_unknown(void** state)
     (void)state;
     assert_string_equal(message_plan_status(3), "cancelled");
     assert_string_equal(message_rsu_state(4), "stopping");
-    assert_string_equal(message_rsu_fault(7), "planner");
-    for (int32_t code = 8; code < 12; ++code) {
+    assert_string_equal(message_rsu_fault(8), "other_rsu");
+    for (int32_t code = 9; code < 13; ++code) {
         assert_string_equal(message_rsu_fault(code), "unknown");
         assert_string_equal(message_rsu_state(-code), "unknown");
         assert_string_equal(message_plan_status(code), "unknown");

@@ -187,9 +187,9 @@ static void one_beside_blocks_a_change_until_there_is_a_gap(void** state)
     }
 }
 
-// In a bend vehicles leave the centre. Where a lane is on that side the vehicle may come from it,
-// and may complete the change. Where none is it has to be farther away: its lane has ended.
-static void a_vehicle_off_the_centre_changes_lane_only_where_it_can_come_from_a_lane(void** state)
+// In a bend vehicles leave the centre. Where there is one lane only, a vehicle completes a change
+// if it is farther away: the lane that it comes from has ended.
+static void a_vehicle_off_the_centre_of_the_only_lane_does_not_change_lane(void** state)
 {
     (void)state;
     for (uint32_t lanes = 1; lanes <= 2; ++lanes) {
@@ -245,7 +245,7 @@ int main(void)
         cmocka_unit_test(before_the_end_of_a_lane_a_vehicle_stops_with_room_to_leave_it),
         cmocka_unit_test(a_legal_change_costs_the_one_behind_no_hard_braking),
         cmocka_unit_test(one_beside_blocks_a_change_until_there_is_a_gap),
-        cmocka_unit_test(a_vehicle_off_the_centre_changes_lane_only_where_it_can_come_from_a_lane),
+        cmocka_unit_test(a_vehicle_off_the_centre_of_the_only_lane_does_not_change_lane),
         cmocka_unit_test(a_planned_vehicle_ahead_is_soon_as_slow_as_the_one_before_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -325,11 +325,12 @@ static float off_goal(const vg_model* model, const vg_flow* flow, uint32_t slot)
 
 // Is the vehicle on its way from the lane beside, on the right (sign 1) or left (-1)? Where it
 // passes a body within its lane, or has passed it, it is not. It is not either where it left the
-// centre in a bend and no lane is on that side. Lane keeping leads back to the centre.
+// centre of the only lane in a bend. Lane keeping leads back to the centre.
 static bool came_from(const vg_model* model, const vg_flow* flow, uint32_t slot, float sign)
 {
-    const bool beside = lane_beside(model, flow, slot, sign < 0.0f) >= 0;
-    const float from = model->body_count > 0 || !beside ? passing_offset : VG_CENTRED;
+    const bool alone = lane_beside(model, flow, slot, true) < 0
+                       && lane_beside(model, flow, slot, false) < 0;
+    const float from = model->body_count > 0 || alone ? passing_offset : VG_CENTRED;
     return sign * flow->d[slot] < -from && sign * off_goal(model, flow, slot) < -from;
 }
 

@@ -120,6 +120,42 @@ static void test_one_vehicle_with_8_neighbours_takes_96_kibibytes_at_most(void**
     }
 }
 
+/// Straight lanes of 500 m, side by side, as the road of a unit.
+static verge_road_def four_lanes(void)
+{
+    static double points[4][2][2];
+    static verge_lane_def lanes[4];
+    for (int32_t i = 0; i < 4; ++i) {
+        points[i][0][1] = points[i][1][1] = 3.5 * i;
+        points[i][1][0] = 500.0;
+        lanes[i] = verge_lane_def_default();
+        lanes[i].id = i;
+        lanes[i].points = (const double (*)[2])points[i];
+        lanes[i].point_count = 2;
+        lanes[i].left = i < 3 ? i + 1 : VERGE_NO_LANE;
+        lanes[i].right = i > 0 ? i - 1 : VERGE_NO_LANE;
+    }
+    return (verge_road_def){ lanes, 4 };
+}
+
+/// The memory in which a road is built is used again for the rest.
+static void test_500_metres_of_four_lanes_fit_512_kibibytes_with_the_on_vehicle_unit(void** state)
+{
+    (void)state;
+    verge_planner_def def = on_vehicle_def();
+    def.road = four_lanes();
+    size_t road = 0;
+    const size_t built = verge_road_memory_size(&def.road, &road);
+    const size_t value = value_size(&def), unit = on_vehicle_size(&def);
+    printf("             road %zu (%zu while it is built), value-to-go %zu, unit %zu bytes\n", road,
+           built, value, unit);
+    assert_true(road > 0 && built > road);
+    assert_true(road + value + unit <= 512 * 1024);
+    assert_true(built <= 512 * 1024);
+    const double metre = (double)(road + value) / 2000.0;
+    CHECK_NEAR(stated("core/README.md", "value-to-go included, a metre of lane takes "), metre, 0.5);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -127,6 +163,7 @@ int main(void)
         cmocka_unit_test(test_the_cost_of_a_capacity_is_the_stated_one),
         cmocka_unit_test(test_the_size_of_a_node_is_the_stated_one),
         cmocka_unit_test(test_one_vehicle_with_8_neighbours_takes_96_kibibytes_at_most),
+        cmocka_unit_test(test_500_metres_of_four_lanes_fit_512_kibibytes_with_the_on_vehicle_unit),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -50,7 +50,7 @@ static void few_plans_are_simulated_whatever_the_budget_and_the_seed(void** stat
     stage* at = open_alone();
     static stage_decision small, large; // too large for the stack
     for (uint32_t k = 0; k < test_rounds(60); ++k) {
-        stage_fill(at, &rng, 1 + k % 4u, test_rng_below(&rng, 8), 100.0, 300.0, 12.0);
+        stage_fill(at, &rng, 1 + k % 4u, test_rng_below(&rng, 7), 100.0, 300.0, 12.0);
         at->def.iterations = 1;
         at->def.nodes_max = 2;
         stage_decide(at, vg_random_from(k, 0), &small);
@@ -78,7 +78,7 @@ static void it_comes_near_a_body_only_where_it_does_so_in_its_lane_as_well(void*
     static stage_decision decision;
     uint32_t left = 0, avoided = 0;
     for (uint32_t k = 0; k < test_rounds(2000); ++k) {
-        stage_fill(at, &rng, 1, 14, 100.0, 170.0, 5.5);
+        stage_fill(at, &rng, 1, 9, 100.0, 145.0, 5.5);
         stage_decide(at, vg_random_from(k, 0), &decision);
         const vg_moves moves = first_moves(at);
         const uint8_t legal = moves.legal[0], first = decision.line.actions[0][0];

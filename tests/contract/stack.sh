@@ -9,7 +9,7 @@ set -euo pipefail
 source_dir=$1
 planted=$2/planted
 on_vehicle_most=16384 # [B] each function of the on-vehicle cycle
-step_most=25600       # [B] the joint step with the default capacities
+step_most=16384       # [B] the joint step with the default capacities
 
 # refused WORD SOURCE: tools/stack refuses a core that consists of this source
 refused() {
@@ -38,7 +38,8 @@ for machine in x86-64 cortex-m7; do
     fi
     echo "on vehicle, $machine:"
     "$source_dir/tools/stack" --machine $machine --config "$source_dir/apps/embedded/config.h" \
-        --most $on_vehicle_most verge_scene_place verge_predict_for verge_plan_vehicle_for
+        --most $on_vehicle_most verge_scene_place verge_decide_for verge_predict_for \
+        verge_plan_vehicle_for
 done
 echo "roadside unit, x86-64:"
 "$source_dir/tools/stack" --most $step_most verge_planner_step_for

@@ -292,9 +292,11 @@ static verge_action_step step_of(const verge_decider* self, const verge_scene* s
     };
 }
 
-// Simulates the decided actions and writes the state of each vehicle after each step.
-static void write_steps(verge_decider* self, const verge_scene* scene,
-                        const vg_joint_actions* sequence, verge_decision* decision)
+// Simulates the decided actions and writes the state of each vehicle after each step. Not inlined:
+// its moves and those of the search do not take up the stack at the same time.
+static __attribute__((noinline)) void write_steps(verge_decider* self, const verge_scene* scene,
+                                                  const vg_joint_actions* sequence,
+                                                  verge_decision* decision)
 {
     VERGE_ASSERT(sequence->step_count <= VERGE_STEPS_MAX);
     vg_moves moves;

@@ -4,18 +4,19 @@
 #include "board.h"
 #include "vehicle.h"
 
-#include <string.h>
-
 #define ARENA static __attribute__((section(".arena"), aligned(64)))
 
-ARENA unsigned char           predictor_memory[24 << 10];
-ARENA unsigned char           sampler_memory[44 << 10];
+ARENA unsigned char           decider_memory[28 << 10];
+ARENA unsigned char           predictor_memory[1280];
+ARENA unsigned char           sampler_memory[41 << 10];
 ARENA verge_track             bodies[VEHICLES];
 ARENA verge_vehicle           heard[VEHICLES], vehicles[VEHICLES];
 ARENA verge_lane_position     positions[VEHICLES];
+ARENA verge_commitment        commitment; // the decision of the last cycle
 ARENA verge_vehicle_decision  decisions[1];
 ARENA verge_vehicle_plan      plans[2]; // of this cycle and of the last one, in turn
 static unsigned char          road_memory[192 << 10] __attribute__((aligned(64)));
+static verge_decider*         decider;
 static verge_predictor*       predictor;
 static verge_sampler*         sampler;
 
@@ -56,10 +57,16 @@ static verge_status start(const verge_road** road)
     verge_planner_def def = verge_planner_default_def();
     def.vehicles_max = VEHICLES;
     def.controlled_max = 1;
+    def.search = VERGE_SEARCH_POLICY;
     def.road = vehicle_road();
     verge_status status = verge_road_init(road, &def.road, road_memory, sizeof road_memory);
+    def.road.lane_count = 0; // any road
     if (status == VERGE_OK) {
-        status = verge_predictor_init(&predictor, &def, predictor_memory, sizeof predictor_memory);
+        status = verge_decider_init(&decider, &def, decider_memory, sizeof decider_memory);
+    }
+    if (status == VERGE_OK) {
+        status = verge_predictor_init_shared(&predictor, decider, predictor_memory,
+                                             sizeof predictor_memory);
     }
     if (status == VERGE_OK) {
         status = verge_sampler_init(&sampler, &def, sampler_memory, sizeof sampler_memory);
@@ -75,7 +82,9 @@ static verge_status plan_cycle(verge_scene* scene, const verge_vehicle_plan* bef
     verge_decision decision = verge_decision_make(decisions, 1);
     verge_status status = verge_scene_place(scene, scene->utime + CYCLE_US, heard, VEHICLES, NULL);
     if (status == VERGE_OK) {
-        vehicle_decide(scene, &decision);
+        status = verge_decide(decider, scene, &commitment, &decision);
+    }
+    if (status == VERGE_OK) {
         status = verge_predict(predictor, scene, &decision, &tracks);
     }
     if (status == VERGE_OK) {

@@ -6,6 +6,7 @@
 #include <verge/verge.h>
 
 enum { VEHICLES = 9, LANES = 3, CYCLE_US = 100000 };
+#define LANE_WIDTH 3.5 // [m]
 
 /// The map. Valid for the life of the program.
 verge_road_def vehicle_road(void);
@@ -13,10 +14,11 @@ verge_road_def vehicle_road(void);
 /// The own vehicle, first, and its neighbours, one cycle after the last call.
 void vehicle_receive(verge_vehicle heard[VEHICLES]);
 
-/// The decision of the own vehicle: it stays in its lane and keeps a time gap to the one ahead.
-void vehicle_decide(const verge_scene* scene, verge_decision* decision);
-
 /// Hands the plan to the controller.
 void vehicle_drive(const verge_vehicle_plan* plan);
+
+/// What drivers do at the beginning of a cycle: sets vehicles, or their accelerations. follow.c: one
+/// drive with a stop. dense.c: random scenes, to look for cycles that take long.
+void traffic_change(verge_vehicle vehicles[VEHICLES], int cycle);
 
 #endif

@@ -1,13 +1,14 @@
 #!/bin/bash
 # Claim: the firmware of apps/embedded plans the same on a Cortex-M7 without an operating system as
 # on this computer, and its longest cycle is short enough for ten a second on a part of 200 MHz, with
-# a margin of four.
+# a margin of four. Its memory besides the road is small.
 #
 #     firmware.sh SOURCE_DIR WORK_DIR
 #
 # Exit 77 where the compiler or emulator is not installed.
 set -euo pipefail
 instructions_most=5000000 # a cycle
+arena_most=98304          # [B]
 embedded=$1/apps/embedded
 build=$2/firmware
 
@@ -30,6 +31,10 @@ build "$build/board" -DCMAKE_TOOLCHAIN_FILE="$embedded/arm-none-eabi.cmake"
 "$build/desktop/firmware" >"$build/desktop.txt"
 timeout 120 "$embedded/emulate" "$build/board/firmware.elf" >"$build/board.txt"
 
+arena=$(arm-none-eabi-size -A "$build/board/firmware.elf" | awk '$1 == ".arena" { print $2 }')
+[ "$arena" -gt 0 ] && [ "$arena" -le $arena_most ] ||
+    { echo "the arena has $arena B, at most $arena_most are allowed" >&2; exit 1; }
+
 plans() { sed -n 's/^\(plan .*\) ticks .*/\1/p' "$1"; } # the desktop has no clock
 count=$(plans "$build/board.txt" | wc -l)
 [ "$count" = 150 ] || { echo "the firmware made $count plans, expected 150" >&2; exit 1; }
@@ -44,5 +49,5 @@ if [ $longest = 0 ] || [ $longest -gt $instructions_most ]; then
     echo "the longest cycle took $longest instructions, at most $instructions_most are allowed" >&2
     exit 1
 fi
-echo "the longest cycle took $longest instructions"
+echo "the longest cycle took $longest instructions, the arena has $arena B"
 echo "$count plans of the firmware are the same on this computer and on a Cortex-M7"

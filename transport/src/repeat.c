@@ -20,6 +20,7 @@ typedef struct candidate {
     uint32_t      delta;
 } candidate;
 
+static bool     is_whole(const repeat* self);
 static bool     choose(repeat* self, repeat_result* result);
 static bool     explain(repeat* self, uint32_t missing, repeat_result* result);
 static void     gather(repeat* self);
@@ -97,7 +98,13 @@ bool repeat_plan(repeat* self, const verge_vehicle_plan_t* plan)
         return false;
     }
     self->plans[self->plan_count++] = *plan;
-    return self->plan_count == (uint32_t)plan->plans_in_cycle;
+    return is_whole(self);
+}
+
+/// Have all messages of the present cycle been heard?
+static bool is_whole(const repeat* self)
+{
+    return self->plan_count > 0 && self->plan_count == (uint32_t)self->plans[0].plans_in_cycle;
 }
 
 static bool is_plan(const verge_vehicle_plan_t* message)
@@ -144,6 +151,9 @@ static void add_reason(repeat_result* result, repeat_kind kind)
 void repeat_run(repeat* self, int32_t vehicle_id, repeat_result* result)
 {
     memset(result, 0, sizeof *result);
+    if (!is_whole(self)) {
+        return;
+    }
     const verge_vehicle_plan_t* any = any_plan(self);
     if (any == NULL) { // the roadside unit has not planned: its memory stays
         self->plan_count = 0;

@@ -136,7 +136,8 @@ void repeat_signal(repeat* self, const verge_lane_signal_t* signal);
 bool repeat_plan(repeat* self, const verge_vehicle_plan_t* plan);
 
 /// Plans the cycle again, for all its vehicles (self->plan), and compares the plan of one. Of a
-/// vehicle without a plan in the cycle nothing is compared.
+/// vehicle without a plan in the cycle nothing is compared. Where the messages of the next cycle
+/// have begun to arrive, the cycle is over: nothing is planned.
 void repeat_run(repeat* self, int32_t vehicle_id, repeat_result* result);
 
 #ifdef __cplusplus

@@ -30,6 +30,9 @@ int site_load(site** loaded, const site_def* def, const char* path, char error[C
         return EXIT_OS;
     }
     self->planner = verge_planner_default_def();
+    if (def->planner_defaults != NULL) {
+        def->planner_defaults(&self->planner);
+    }
     self->freshness = inbox_default_limits();
 
     json_file file;

@@ -67,6 +67,8 @@ typedef struct site_def {
     const char*        format;  ///< the value of the key "format", such as "verge-rsu/1"
     const char* const* keys;    ///< the daemon's own keys, null-terminated
     uint32_t           cycle_ms_min, cycle_ms_max, cycle_ms_default;
+    /// Changes the defaults of the planner, before its parameters are read. May be null.
+    void             (*planner_defaults)(verge_planner_def* def);
     /// Reads the own keys, and may check the site, which is complete but for its road. False: the
     /// error is in the file. The struct has been filled with zeros.
     bool             (*read)(site* self, const json_at* root);

@@ -28,25 +28,21 @@ static bool read_url(const json_at* root, const char* key, char url[SITE_BUS_SIZ
     return true;
 }
 
-/// The planner of one vehicle: other defaults, and one vehicle planned.
-static bool read_planner(site* site, const json_at* root)
+/// One vehicle is planned.
+static void planner_defaults(verge_planner_def* def)
+{
+    def->vehicles_max = OBU_VEHICLES_DEFAULT;
+    def->controlled_max = 1;
+    def->search = VERGE_SEARCH_POLICY;
+}
+
+static bool check_planner(const site* site, const json_at* root)
 {
     const json_at planner = json_member(root, "planner");
-    const json_at vehicles = json_member(&planner, "vehicles_max");
     const json_at controlled = json_member(&planner, "controlled_max");
-    const json_at search = json_member(&planner, "search");
-    if (!json_given(&vehicles)) {
-        site->planner.vehicles_max = OBU_VEHICLES_DEFAULT;
-    }
-    if (!json_given(&search)) {
-        site->planner.search = VERGE_SEARCH_POLICY;
-    }
-    if (json_given(&controlled) && site->planner.controlled_max != 1) {
-        return json_fail(&controlled, "is %u, expected 1: this unit plans its own vehicle",
-                         site->planner.controlled_max);
-    }
-    site->planner.controlled_max = 1;
-    return true;
+    return site->planner.controlled_max == 1
+           || json_fail(&controlled, "is %u, expected 1: this unit plans its own vehicle",
+                        site->planner.controlled_max);
 }
 
 /// The parameters of the roadside unit whose plans are planned again; null: none are.
@@ -79,7 +75,7 @@ static bool read_own(site* site, const json_at* root)
         return json_fail(&state, "is one bus too many, expected at most %d in bus beside it",
                          SITE_BUSES_MAX - 1);
     }
-    return read_planner(site, root) && read_repeat(self, root);
+    return check_planner(site, root) && read_repeat(self, root);
 }
 
 static void print_url(FILE* out, const char* key, const char* url)
@@ -132,6 +128,7 @@ const site_def OBU_CONFIG_DEF = {
     .cycle_ms_min = OBU_CYCLE_MS_MIN,
     .cycle_ms_max = OBU_CYCLE_MS_MAX,
     .cycle_ms_default = OBU_CYCLE_MS_DEFAULT,
+    .planner_defaults = planner_defaults,
     .read = read_own,
     .print = print_own,
     .changed = changed,

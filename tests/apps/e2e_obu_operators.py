@@ -19,7 +19,7 @@ import urllib.request
 
 import e2e_lcm
 import e2e_secure
-from daemon_rig import QUICK, ROAD, Daemon, check, shared_library, wait_for
+from daemon_rig import QUICK, Daemon, check, shared_library, wait_for
 from e2e_operators import figures, free_port
 
 OWN = 7
@@ -270,9 +270,9 @@ def sighup_takes_a_good_configuration_and_keeps_the_old_one_on_error(rig):
 
 def verge_ctl_shows_mode_vehicles_and_plan(rig):
     config = configuration(rig)
-    other = e2e_lcm.Vehicle(2, 160, 1)
+    crc, other = map_of(rig, config), e2e_lcm.Vehicle(2, 160, 1)
     with Obu(rig, config) as unit, Cabin(rig) as cabin:
-        bus, rsu = e2e_lcm.Bus(), Rsu(cabin, map_of(rig, configuration(rig, state=None)), sender())
+        bus, rsu = e2e_lcm.Bus(), Rsu(cabin, crc, sender())
         code, out, _ = ctl(rig, "status")
         check(code == 0 and "vehicle 7: stopping, no_position" in out and "own state        none" in out
               and "plan             none" in out, out)
@@ -524,9 +524,7 @@ def cycles_on_lcm_allocate_nothing(rig):
     port = free_port()
     config = configuration(rig, cycle_ms=20, log_format="json", planner=dict(QUICK, iterations=20),
                            metrics={"listen": f"127.0.0.1:{port}", "file": "heap.prom"})
-    crc = map_of(rig, configuration(rig, state=None, control=None))
-    configuration(rig, cycle_ms=20, log_format="json", planner=dict(QUICK, iterations=20),
-                  metrics={"listen": f"127.0.0.1:{port}", "file": "heap.prom"})
+    crc = map_of(rig, config)
     env = {"LD_PRELOAD": guard, "HEAP_GUARD_FILE": str(counts)}
     with Obu(rig, config, env=env) as unit, Cabin(rig) as cabin:
         bus, rsu = e2e_lcm.Bus(), Rsu(cabin, crc, sender())

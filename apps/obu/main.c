@@ -125,7 +125,8 @@ static int check_own(const arguments* args, const site* site)
     char error[CONFIG_ERROR_SIZE];
     int  status = 0;
     if (config->state[0] != '\0') {
-        status = check_bus(site, "state", config->state, TRANSPORT_STATES, args->config_path, error);
+        status = check_bus(site, "state", config->state, TRANSPORT_STATES, args->config_path,
+                           error);
     }
     if (status == 0 && config->trajectory[0] != '\0') {
         status = check_bus(site, "trajectory", config->trajectory, TRANSPORT_SENDS_TRAJECTORIES,

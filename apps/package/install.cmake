@@ -1,5 +1,5 @@
-# What `cmake --install` puts where, by component: dev (library), rsu and obu (daemons), common (what
-# both daemons need), tools (the rest).
+# What `cmake --install` puts where, by component: dev (library), rsu and obu (daemons), common
+# (what both daemons need), tools (the rest).
 # Every path follows the prefix given at install time, so one build serves any of them.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
@@ -119,8 +119,9 @@ install(DIRECTORY apps/schema DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONE
 install(DIRECTORY apps/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/verge COMPONENT tools
     FILES_MATCHING PATTERN *.json)
 
-# verge_daemon(COMPONENT OTHER ACCOUNT WATCHDOG_S ABOUT): systemd units, configuration, examples and the
-# scripts of the package of verge-COMPONENT. The account is also its folder in /etc, /run, /var/lib.
+# verge_daemon(COMPONENT OTHER ACCOUNT WATCHDOG_S ABOUT): systemd units, configuration, examples and
+# the scripts of the package of verge-COMPONENT. The account is also its folder in /etc, /run and
+# /var/lib.
 function(verge_daemon COMPONENT OTHER ACCOUNT WATCHDOG_S ABOUT)
     set(DAEMON verge-${COMPONENT})
     set(CONFIG ${COMPONENT}.json)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""The on-vehicle unit as a service, and against bad input: options, configuration, signals, verge-ctl,
-metrics, log, local sockets; plans and states of strangers.
+"""The on-vehicle unit as a service, and against bad input: options, configuration, signals,
+verge-ctl, metrics, log, local sockets; plans and states of strangers.
 
     python3 tests/apps/e2e_obu_operators.py --bin build/bin [--lcm-python VENV] [--only NAME]
 
@@ -175,8 +175,8 @@ def wrong_options_and_configurations_have_their_exit_codes(rig):
              ({"bogus": 1}, "bogus"), ({"state": "serial:1"}, "state"),
              ({"trajectory": "tcp:1"}, "trajectory"), ({"state": "unix:" + "x" * 200}, "unix:"),
              ({"bus": "lcm:udpm://nonsense"}, "nonsense"), ({"bus": f"unix:{rig.folder}/x"},
-             "one direction"), ({"cycle_ms": 10}, "cycle_ms"), ({"format": "verge-rsu/1"}, "format"),
-             ({"planner": {"controlled_max": 2}}, "controlled_max"), ({"repeat": 1}, "repeat")]
+             "one direction"), ({"cycle_ms": 10}, "cycle_ms"),
+             ({"format": "verge-rsu/1"}, "format"), ({"planner": {"controlled_max": 2}}, "controlled_max"), ({"repeat": 1}, "repeat")]
     for change, name in wrong:
         for options in (["--check-config"], []):
             code, _, error = obu(rig, "--config", configuration(rig, **change), *options)
@@ -274,8 +274,8 @@ def verge_ctl_shows_mode_vehicles_and_plan(rig):
     with Obu(rig, config) as unit, Cabin(rig) as cabin:
         bus, rsu = e2e_lcm.Bus(), Rsu(cabin, crc, sender())
         code, out, _ = ctl(rig, "status")
-        check(code == 0 and "vehicle 7: stopping, no_position" in out and "own state        none" in out
-              and "plan             none" in out, out)
+        check(code == 0 and "vehicle 7: stopping, no_position" in out, out)
+        check("own state        none" in out and "plan             none" in out, out)
 
         def beside():
             bus.send(other.now())
@@ -336,7 +336,8 @@ def each_line_of_the_log_is_json_on_request_and_a_mode_is_logged_once(rig):
         unit.wait_for("statistics")
         check(unit.stop()[1] == 0, "stops")
         lines = [json.loads(line) for line in unit.text().splitlines()]
-    modes = [(line["from"], line["to"], line["reason"]) for line in lines if line["event"] == "mode"]
+    modes = [(line["from"], line["to"], line["reason"]) for line in lines
+             if line["event"] == "mode"]
     check(modes == [("none", "alone", "never_heard"), ("alone", "stopping", "no_position"),
                     ("stopping", "alone", "never_heard")], f"{modes}")
     events = [line["event"] for line in lines]
@@ -348,7 +349,8 @@ def each_line_of_the_log_is_json_on_request_and_a_mode_is_logged_once(rig):
 def a_plan_of_another_map_or_version_is_not_followed(rig):
     config = configuration(rig)
     crc = map_of(rig, config)
-    cases = [({"map_crc32": crc ^ 1}, OTHER_MAP, "other_map"), ({"map_crc32": 0}, OTHER_MAP, "other_map"),
+    cases = [({"map_crc32": crc ^ 1}, OTHER_MAP, "other_map"),
+             ({"map_crc32": 0}, OTHER_MAP, "other_map"),
              ({"protocol_version": 2}, OTHER_VERSION, "other_version")]
     for change, reason, name in cases:
         with Obu(rig, config) as unit, Cabin(rig) as cabin:
@@ -492,7 +494,8 @@ def the_own_id_from_another_sender_does_not_move_the_vehicle(rig):
         check(len(off) >= 15 and max(off) < 3.0, f"{max(off):.1f} m")
         check({mode for mode, _ in cabin.modes()} == {ALONE}, f"{cabin.modes()}")
         counts = status(rig)
-        check(counts["counters"]["own_id_elsewhere"] >= 20 and counts["neighbours"] == 0, f"{counts}")
+        check(counts["counters"]["own_id_elsewhere"] >= 20, f"{counts}")
+        check(counts["neighbours"] == 0, f"{counts}")
         unit.wait_for("event=own_id_elsewhere")
         check(unit.stop()[1] == 0, "stops")
 
@@ -550,7 +553,7 @@ def cycles_on_lcm_allocate_nothing(rig):
         last = status(rig)
         cycles = last["counters"]["cycles"] - first
         unit.signal(signal.SIGUSR2)
-        text = wait_for(lambda: counts.exists() and counts.read_text(), "the guard's counts").split()
+        text = wait_for(lambda: counts.exists() and counts.read_text(), "the counts").split()
         check(cycles >= 500 and min(last["trajectories"].values()) > 0, f"{last}")
         check(last["counters"]["bus_errors"] > 0, f"{last}")
         check(text[:4] == ["allocations", "0", "frees", "0"], " ".join(text))

@@ -154,8 +154,8 @@ def check_example(kind, page):
 
 
 def check_configurations(binaries, work, daemon, plain, wrong, more):
-    """The configurations of verge-rsu or verge-obu. wrong: [(key, value, what that is)]; more: values
-    of keys that are null by default."""
+    """The configurations of verge-rsu or verge-obu. wrong: [(key, value, what that is)];
+    more: values of keys that are null by default."""
     kind = Kind(daemon, [binaries / daemon, "--check-config", "--config"], (66, 78), work)
     short = daemon.removeprefix("verge-")
     shipped = [*ROOT.glob(f"apps/scenarios/{short}-*.json"), *ROOT.glob(f"apps/site/{short}*.json")]

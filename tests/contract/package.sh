@@ -1,8 +1,8 @@
 #!/bin/bash
 # Claim: the Debian packages hold what they should, and the daemons run from them. Unpacked into an
-# empty folder, each checks the configuration it came with and obeys SIGTERM; the roadside unit plans
-# for the vehicles of a scenario of verge-tools, the on-vehicle unit makes trajectories for one of
-# them, over local sockets; the same with the examples of a secured site.
+# empty folder, each checks the configuration it came with and obeys SIGTERM; the roadside unit
+# plans for the vehicles of a scenario of verge-tools, the on-vehicle unit makes trajectories for
+# one of them, over local sockets; the same with the examples of a secured site.
 #
 #     package.sh SOURCE_DIR BUILD_DIR WORK_DIR
 set -euo pipefail
@@ -41,13 +41,14 @@ control() {
     grep -qE "^Depends: .*adduser, verge-common \(= $version\).*libc6 .*libcjson1" \
         "$control/control" || fail "$1: $(grep Depends "$control/control")"
     dpkg-deb --fsys-tarfile "$deb" | tar -t | sed -n 's#^\.\(/etc/.*[^/]\)$#\1#p' | sort |
-        diff - <(sort "$control/conffiles") || fail "$1: what lies in /etc is not what conffiles lists"
+        diff - <(sort "$control/conffiles") || fail "$1: conffiles does not list what lies in /etc"
     for script in postinst prerm postrm; do
         sh -n "$control/$script"
         [ -x "$control/$script" ] || fail "$1: $script cannot be run"
         ! grep -q '@[A-Z_]*@' "$control/$script" || fail "$1: $script has a place left open"
     done
-    dpkg-deb -c "$deb" | awk '$2 != "root/root" || $1 ~ /^.....w|^........w|^-..s/ { print; bad = 1 }
+    dpkg-deb -c "$deb" |
+        awk '$2 != "root/root" || $1 ~ /^.....w|^........w|^-..s/ { print; bad = 1 }
         END { exit bad }' || fail "the files above belong to others or may be written by others"
     grep -qF "ExecStart=/usr/bin/$1 --config $2" \
         "$work/root/usr/lib/systemd/system/$1.service" || fail "the unit starts something else"
@@ -141,7 +142,7 @@ fi
 # unit CONFIG
 unit() {
     grep -q '"/run/verge-obu/obu.sock"' "$1" || fail "$1 has no control socket"
-    sed -i "s#/run/verge-obu#$run#; s#/run/vehicle#$run#; s#\"vehicle_id\": 7#\"vehicle_id\": 0#" "$1"
+    sed -i "s#/run/verge-obu#$run#; s#/run/vehicle#$run#; s#\(\"vehicle_id\":\) 7#\1 0#" "$1"
     "$bin/verge-obu" --config "$1" --check-config >"$work/check.log" 2>&1 ||
         fail "$(cat "$work/check.log")"
     grep -q 'on-vehicle unit, all together' "$work/check.log"
@@ -162,7 +163,8 @@ timeout 20 "$bin/verge-echo" "unix:$run/trajectory" --count 10 >"$work/echo.log"
 kill -TERM $daemon
 wait $daemon
 END
-    grep -q '^trajectory ' "$work/echo.log" || { cat "$work/obu.log"; fail "no trajectories of $1"; }
+    grep -q '^trajectory ' "$work/echo.log" ||
+        { cat "$work/obu.log"; fail "no trajectories of $1"; }
     grep -q 'vehicle 0: alone, never_heard' "$work/unit.log" || fail "$(cat "$work/unit.log")"
 }
 obu=$work/root/etc/verge-obu

@@ -44,7 +44,8 @@ inside sh -c 'apt-get update -qq && apt-get install -qq --no-install-recommends 
     /packages/verge-tools_*.deb' >"$work/install.log" 2>&1 ||
     { tail -20 "$work/install.log"; fail "does not install"; }
 for user in verge verge-obu; do
-    inside getent passwd $user | grep -q ":/var/lib/$user:/usr/sbin/nologin$" || fail "no user $user"
+    inside getent passwd $user | grep -q ":/var/lib/$user:/usr/sbin/nologin$" ||
+        fail "no user $user"
     [ "$(inside stat -c '%U:%G %a' /etc/$user/keys)" = "root:$user 750" ] ||
         fail "/etc/$user/keys: $(inside stat -c '%U:%G %a' /etc/$user/keys)"
 done

@@ -1,6 +1,6 @@
 # `cpack` makes five Debian packages: libverge-dev, verge-rsu, verge-obu, verge-common (what these
-# two need) and verge-tools. There is no shared library to package: the planner is a static archive, so
-# that a program that was tested plans the same for good.
+# two need) and verge-tools. There is no shared library to package: the planner is a static archive,
+# so that a program that was tested plans the same for good.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_VENDOR verge)
 set(CPACK_PACKAGE_CONTACT "verge maintainers <verge@example.org>")

@@ -86,7 +86,8 @@ static verge_planner* take_all(vg_arena* arena, const verge_planner_def* def)
     }
     if (self == NULL || arena->failed
         || verge_decider_init(&all.decider, def, decider, decider_size) != VERGE_OK
-        || verge_predictor_init_shared(&all.predictor, all.decider, predictor, predictor_size) != VERGE_OK) {
+        || verge_predictor_init_shared(&all.predictor, all.decider, predictor, predictor_size)
+               != VERGE_OK) {
         return NULL;
     }
     *self = all;

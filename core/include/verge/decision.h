@@ -198,7 +198,8 @@ typedef struct verge_commitment {
 typedef struct verge_decider verge_decider;
 
 /// Size of the memory for verge_decider_init() [B]; 0 if the def is not valid. It grows with
-/// nodes_max (not of VERGE_SEARCH_POLICY), vehicles_max, controlled_max and road.lane_count (def.h).
+/// nodes_max, vehicles_max, controlled_max and road.lane_count (def.h). With VERGE_SEARCH_POLICY
+/// nodes_max does not count.
 size_t verge_decider_memory_size(const verge_planner_def* def);
 
 /// Builds a decider in the caller's memory, which must be aligned to 64 bytes. The def is copied.
@@ -206,8 +207,9 @@ size_t verge_decider_memory_size(const verge_planner_def* def);
 verge_status verge_decider_init(verge_decider** decider, const verge_planner_def* def, void* memory,
                                 size_t size);
 
-/// Decides (verge_planner_def.search: section 3.1 of the paper, or without a search) for all controlled vehicles of the scene that
-/// are on the road. The result depends on the arguments and the def only.
+/// Decides joint actions (section 3.1 of the paper; verge_planner_def.search says how) for all
+/// controlled vehicles of the scene that are on the road. The result depends on the arguments and
+/// the def only.
 /// @retval VERGE_ERR_CAPACITY  more vehicles than the def or the decision holds; nothing is changed
 /// @retval VERGE_ERR_CONFIG    the caller was compiled with other capacities; nothing is changed
 /// @retval VERGE_ERR_ARGUMENT  a null pointer, or the scene is not as scene.h says

@@ -20,8 +20,8 @@ static const double across = 10.0;            // to a lane that crosses or merge
 static const double distance_step = 50.0;
 
 enum { NO_TARGET = -1, FREE = -2 };
-// An on-vehicle unit has few vehicles and little memory, so fewer lanes are near. A crossing of four
-// arms has 20.
+// An on-vehicle unit has few vehicles and little memory, so fewer lanes are near. A crossing of
+// four arms has 20.
 enum { few_vehicles = 16, few_lanes = 24 };
 
 static void choose_lanes(vg_local* self, const struct verge_road* road, const vg_source* sources,

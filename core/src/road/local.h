@@ -88,8 +88,8 @@ typedef struct vg_source {
 /// most VERGE_LANES_NEAR_MAX lanes, 24 for up to 16 vehicles, and lane_count, 0 if
 /// it is not known.
 vg_local* vg_local_take(vg_arena* arena, uint32_t lane_count, uint32_t vehicles, uint32_t targets);
-/// The scratch memory, for the same numbers. The arena may be one whose memory is used for something
-/// else between two calls of vg_local_cover(). local: null with a measuring arena.
+/// The scratch memory, for the same numbers. The arena may be one whose memory is used for
+/// something else between two calls of vg_local_cover(). local: null with a measuring arena.
 void vg_local_take_scratch(vg_local* local, vg_arena* arena, uint32_t lane_count,
                            uint32_t vehicles);
 

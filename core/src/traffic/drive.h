@@ -1,5 +1,6 @@
-/// How controlled vehicles drive, but in VERGE_SEARCH_PAPER: the five actions, with strengths that suit
-/// the traffic. The paper's rules (moves.c) accelerate and brake by 0.6 m/s^2 whatever lies ahead.
+/// How controlled vehicles drive unless the search is VERGE_SEARCH_PAPER: the five actions, with
+/// strengths that suit the traffic. The paper's rules (moves.c) accelerate and brake by 0.6 m/s^2
+/// whatever lies ahead.
 ///
 /// AC   accelerates comfortably, but not above what the limit and the vehicle ahead allow
 /// KS   keeps the speed; legal where the speed allows to follow what is ahead

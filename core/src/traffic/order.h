@@ -136,8 +136,8 @@ typedef struct vg_order {
     uint64_t   signs;      ///< slots (bits) that have yet to stop at a stop sign
 } vg_order;
 
-/// Takes the arrays of an order of vehicles_max vehicles. Nothing stays in them from scene to scene.
-/// order: null with a measuring arena.
+/// Takes the arrays of an order of vehicles_max vehicles. Nothing stays in them from scene to
+/// scene. order: null with a measuring arena.
 void vg_order_take(vg_order* order, vg_arena* arena, uint32_t vehicles_max);
 
 /// The order of a scene, from the arrival times kept in `turns` (may be null: nothing is kept).

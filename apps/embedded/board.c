@@ -6,7 +6,9 @@
 int main(int argc, char** argv);
 void reset(void) __attribute__((noreturn));
 
-extern uint32_t arena_start[], arena_end[], bss_start[], bss_end[], data_start[], data_end[], stack_top[];
+// From the linker script.
+extern uint32_t arena_start[], arena_end[], bss_start[], bss_end[], data_start[], data_end[];
+extern uint32_t stack_top[];
 extern const uint32_t data_image[];
 
 // CMSDK peripherals of the board.

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/// VERGE_CYCLES in the environment: another number of cycles, for tools/metal.
+/// VERGE_CYCLES in the environment: another number of cycles, for tools/machines.
 bool board_wait(void)
 {
     static int cycles;

@@ -1,5 +1,5 @@
-// The vehicle ahead brakes to a standstill, waits and departs again, and so does the one behind; the
-// others keep their speeds.
+// The vehicle ahead brakes to a standstill, waits and departs again, and so does the one behind.
+// The others keep their speeds.
 #include "vehicle.h"
 
 enum { BEHIND = 2, AHEAD = 5, BRAKES = 20, STANDS = 70, DEPARTS = 80 }; // the last three: cycles

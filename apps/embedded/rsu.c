@@ -1,5 +1,5 @@
-// The joint planner of a roadside unit on a board: as many vehicles as the capacities allow, on four
-// lanes. tools/metal measures a cycle with it.
+// The joint planner of a roadside unit on a board: as many vehicles as the capacities allow, on
+// four lanes. tools/machines measures a cycle with it.
 #include "board.h"
 
 #include <verge/verge.h>

@@ -17,8 +17,8 @@ void vehicle_receive(verge_vehicle heard[VEHICLES]);
 /// Hands the plan to the controller.
 void vehicle_drive(const verge_vehicle_plan* plan);
 
-/// What drivers do at the beginning of a cycle: sets vehicles, or their accelerations. follow.c: one
-/// drive with a stop. dense.c: random scenes, to look for cycles that take long.
+/// What drivers do at the beginning of a cycle: sets vehicles, or their accelerations. follow.c:
+/// one drive with a stop. dense.c: random scenes, to look for cycles that take long.
 void traffic_change(verge_vehicle vehicles[VEHICLES], int cycle);
 
 #endif

@@ -3,13 +3,12 @@
 #
 #     stack.sh SOURCE_DIR WORK_DIR
 #
-# tools/stack adds the frames up, here and for a Cortex-M7 where its compiler is present. It is tried
-# on a function that calls itself, on one with a frame of any size and on a call of malloc() first.
+# tools/stack adds the frames up, here and for a Cortex-M7 where its compiler is present. First it
+# is tried on a function that calls itself, one with a frame of any size, and a call of malloc().
 set -euo pipefail
 source_dir=$1
 planted=$2/planted
-on_vehicle_most=16384 # [B] each function of the on-vehicle cycle
-step_most=16384       # [B] the joint step with the default capacities
+most=16384 # [B]
 
 # refused WORD SOURCE: tools/stack refuses a core that consists of this source
 refused() {
@@ -29,7 +28,8 @@ refused 'calls itself' 'int other(int); int verge_a(int n) { return n > 0 ? othe
 __attribute__((noinline)) int other(int n) { volatile int m = verge_a(n); return m; }'
 refused 'has no bound' 'int use(char*); int verge_a(int n) { char text[n]; return text[use(text)]; }
 int use(char* text) { return text[0]; }'
-refused 'is not part of core' 'void* malloc(unsigned long); void* verge_a(void) { return malloc(9); }'
+refused 'is not part of core' 'void* malloc(unsigned long);
+void* verge_a(void) { return malloc(9); }'
 
 for machine in x86-64 cortex-m7; do
     if [ $machine = cortex-m7 ] && ! command -v arm-none-eabi-g++ >/dev/null; then
@@ -38,8 +38,8 @@ for machine in x86-64 cortex-m7; do
     fi
     echo "on vehicle, $machine:"
     "$source_dir/tools/stack" --machine $machine --config "$source_dir/apps/embedded/config.h" \
-        --most $on_vehicle_most verge_scene_place verge_decide_for verge_predict_for \
+        --most $most verge_scene_place verge_decide_for verge_predict_for \
         verge_plan_vehicle_for
 done
 echo "roadside unit, x86-64:"
-"$source_dir/tools/stack" --most $step_most verge_planner_step_for
+"$source_dir/tools/stack" --most $most verge_planner_step_for

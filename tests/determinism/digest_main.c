@@ -59,7 +59,10 @@ static int plan_scenario(const scenario* scene)
     const bool fits = size > 0 && size < sizeof memory;
     verge_planner* planner = NULL;
     verge_humans* humans = NULL;
-    verge_status status = fits ? verge_planner_init(&planner, &def, memory, size) : VERGE_ERR_MEMORY;
+    verge_status status = VERGE_ERR_MEMORY;
+    if (fits) {
+        status = verge_planner_init(&planner, &def, memory, size);
+    }
     if (status == VERGE_OK) {
         status = verge_humans_init(&humans, &def, memory + size, sizeof memory - size);
     }
@@ -75,8 +78,8 @@ static int plan_scenario(const scenario* scene)
         if (status == VERGE_OK) {
             printf("%s %u %016llx\n", scene->name, (unsigned)cycle,
                    (unsigned long long)plan.digest);
-            status = verge_humans_advance(humans, verge_planner_road(planner), NULL, vehicles, count,
-                                          def.point_s * CYCLE_POINTS);
+            status = verge_humans_advance(humans, verge_planner_road(planner), NULL, vehicles,
+                                          count, def.point_s * CYCLE_POINTS);
             follow_plans(vehicles, count);
         }
     }

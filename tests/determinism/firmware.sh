@@ -1,7 +1,7 @@
 #!/bin/bash
 # Claim: the firmware of apps/embedded plans the same on a Cortex-M7 without an operating system as
-# on this computer, and its longest cycle is short enough for ten a second on a part of 200 MHz, with
-# a margin of four. Its memory besides the road is small.
+# on this computer, and its longest cycle is short enough for ten a second on a part of 200 MHz,
+# with a margin of four. Its memory besides the road is small.
 #
 #     firmware.sh SOURCE_DIR WORK_DIR
 #
@@ -13,7 +13,8 @@ embedded=$1/apps/embedded
 build=$2/firmware
 
 for tool in arm-none-eabi-g++ qemu-system-arm; do
-    command -v $tool >/dev/null || { echo "SKIPPED: $tool is not installed (tools/setup)"; exit 77; }
+    command -v $tool >/dev/null ||
+        { echo "SKIPPED: $tool is not installed (tools/setup)"; exit 77; }
 done
 
 # build DIRECTORY CMAKE_ARGUMENT...

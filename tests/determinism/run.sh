@@ -81,7 +81,8 @@ if [ "${4:-}" = --print ]; then
     cat "$actual"
     exit 0
 fi
-if ! awk -v n="$cycles" '!/^#/ && $2 < n' "$golden" | diff - "$actual" >"$build/difference.txt"; then
+if ! awk -v n="$cycles" '!/^#/ && $2 < n' "$golden" |
+    diff - "$actual" >"$build/difference.txt"; then
     echo "$variant: digests differ from tests/golden.txt (<), actual values (>):" >&2
     cat "$build/difference.txt" >&2
     echo "If the change of behaviour is meant: tools/check --accept-golden, then commit." >&2

@@ -83,8 +83,8 @@ static double best_value(const problem* self, const layer* later, uint32_t step,
     return best;
 }
 
-// From the last step to the first one, in one layer: a state leads to no state before it in the order
-// of these loops, so its values can be replaced.
+// From the last step to the first one, in one layer: a state leads to no state before it in the
+// order of these loops, so its values can be replaced.
 static double solve(const problem* self)
 {
     layer values;

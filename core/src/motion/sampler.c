@@ -363,8 +363,8 @@ static bool slowly_out(const vg_workspace* ws, const vg_batch* batch)
     return slow;
 }
 
-/// The checks of a candidate, the cheapest first. The most expensive one, that of the limits between
-/// the points, can be left out after a contact if it is known already that such contacts occur.
+/// The checks of a candidate, the cheapest first. The most expensive one, that of the limits
+/// between the points, can be left out after a contact if it is known already that such contacts occur.
 static bool acceptable(vg_workspace* ws, const vg_batch* batch, const chain* chain,
                        uint32_t lane, uint32_t candidate)
 {

@@ -164,7 +164,9 @@ static leader_verdict judge_time(const leader* self, const verge_vehicle_plan_t*
         return LEADER_ACCEPTED;
     }
     const int64_t later = plan->utime - known->utime;
-    return later <= 0 ? LEADER_OLD : later < LEADER_CYCLE_US_MIN ? LEADER_TOO_SOON : LEADER_ACCEPTED;
+    return later <= 0                     ? LEADER_OLD
+           : later < LEADER_CYCLE_US_MIN ? LEADER_TOO_SOON
+                                         : LEADER_ACCEPTED;
 }
 
 /// All plans of a cycle state the same digest and the same number of plans. The rest of a late plan

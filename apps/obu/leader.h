@@ -8,9 +8,9 @@
 /// Several     One roadside unit is followed at a time: the one that the configuration names, or
 /// units       else the lowest id. Another one takes its place when it is silent for three of its
 ///             cycles. An id belongs to the first sender of it on each bus, until then.
-/// Refused     A plan of another protocol version or of another road, one that is older than what is
-///             known, from the future, over already, that comes too soon after the last one, or that
-///             contradicts another plan of its cycle changes only a counter.
+/// Refused     A plan changes only a counter if it is of another protocol version or road, older than
+///             what is known, from the future, over already, too soon after the last one, or if it
+///             contradicts another plan of its cycle.
 /// Memory      All in the struct, about 40 kB; nothing allocates.
 /// Time        No clock is read.
 #ifndef VERGE_OBU_LEADER_H

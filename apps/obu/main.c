@@ -109,7 +109,8 @@ static int print_unit(const arguments* args, const site* site)
     }
     const unit_memory memory = unit_memory_of(made);
     printf("%12zu B  road\n%12zu B  decision, prediction, trajectory\n"
-           "%12zu B  messages, vehicles, last trajectories\n%12zu B  on-vehicle unit, all together\n",
+           "%12zu B  messages, vehicles, last trajectories\n"
+           "%12zu B  on-vehicle unit, all together\n",
            memory.road, memory.stages, memory.rest, memory.road + memory.stages + memory.rest);
     printf("road of %u lanes, map_crc32 0x%08" PRIx32 "\n", site->planner.road.lane_count,
            site->map_crc32);

@@ -22,7 +22,8 @@ static void counters_of(const obu_report* from, counter rows[COUNTERS])
         { "cycles", made.cycles, "Cycles begun." },
         { "without_trajectory", made.without, "Cycles before the first position: no trajectory." },
         { "mode_changes", made.mode_changes, "Changes of mode." },
-        { "tracked", made.tracked, "Trajectories that are the points of the roadside unit's plan." },
+        { "tracked", made.tracked,
+          "Trajectories that are the points of the roadside unit's plan." },
         { "fallbacks", made.fallbacks, "Own trajectories that are fallbacks." },
         { "own_id_elsewhere", made.own_id_elsewhere,
           "States with the vehicle's own id from another bus than its own." },
@@ -92,9 +93,10 @@ void obu_report_status(text* out, const obu_report* from)
     const verge_vehicle_plan_t* plan = leader_plan(leader, from->utime, &why_not);
     char buses[SITE_BUSES_MAX * SITE_BUS_SIZE];
     site_bus_list(site, buses, sizeof buses);
-    text_add(out, "{\"version\":\"%s\",\"vehicle_id\":%" PRId32 ",\"mode\":\"%s\",\"reason\":\"%s\"",
-             VERGE_VERSION_STRING, from->config->vehicle_id, wire_unit_mode_name((int32_t)view.mode),
-             wire_unit_reason_name((int32_t)view.reason));
+    text_add(out, "{\"version\":\"%s\",\"vehicle_id\":%" PRId32 ",\"mode\":\"%s\"",
+             VERGE_VERSION_STRING, from->config->vehicle_id,
+             wire_unit_mode_name((int32_t)view.mode));
+    text_add(out, ",\"reason\":\"%s\"", wire_unit_reason_name((int32_t)view.reason));
     text_add(out, ",\"about\":%" PRId32 ",\"rsu_id\":%" PRId32 ",\"followed_cycle\":%" PRId32,
              view.vehicle, leader->rsu_id, plan != NULL ? plan->cycle : -1);
     text_add(out, ",\"bus\":");
@@ -195,10 +197,12 @@ void obu_report_metrics(text* out, const obu_report* from)
 {
     const unit_view view = unit_look(from->unit);
     const site* site = &from->config->site;
-    page_head(out, "verge_build_info", "gauge", "Always 1; the labels give version and configuration.");
-    text_add(out, "verge_build_info{version=\"%s\",vehicle_id=\"%" PRId32 "\",map_crc32=\"%08" PRIx32
-             "\",config_crc32=\"%08" PRIx32 "\"} 1\n", VERGE_VERSION_STRING,
-             from->config->vehicle_id, site->map_crc32, site->config_crc32);
+    page_head(out, "verge_build_info", "gauge",
+              "Always 1; the labels give version and configuration.");
+    text_add(out, "verge_build_info{version=\"%s\",vehicle_id=\"%" PRId32 "\"",
+             VERGE_VERSION_STRING, from->config->vehicle_id);
+    text_add(out, ",map_crc32=\"%08" PRIx32 "\",config_crc32=\"%08" PRIx32 "\"} 1\n",
+             site->map_crc32, site->config_crc32);
     page_head(out, "verge_start_time_seconds", "gauge", "When the daemon was started, Unix time.");
     text_add(out, "verge_start_time_seconds %.6f\n", (double)from->start_utime * 1e-6);
     page_value(out, "verge_unit_mode", "gauge", "0 following, 1 departing, 2 alone, 3 stopping.",

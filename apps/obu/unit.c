@@ -71,7 +71,8 @@ static void* allocate(size_t size)
 static bool build(unit* self, char* error, size_t error_size)
 {
     const verge_planner_def* def = &self->def.planner;
-    const size_t sizes[3] = { verge_decider_memory_size(def), verge_predictor_memory_size(def),
+    const size_t sizes[3] = { verge_decider_memory_size(def),
+                              verge_predictor_shared_memory_size(def),
                               verge_sampler_memory_size(def) };
     self->road_size = verge_road_memory_size(&def->road, NULL);
     self->road_memory = self->road_size > 0 ? allocate(self->road_size) : NULL;
@@ -95,7 +96,8 @@ static bool build(unit* self, char* error, size_t error_size)
         status = verge_decider_init(&self->decider, def, self->stage_memory[0], sizes[0]);
     }
     if (status == VERGE_OK) {
-        status = verge_predictor_init(&self->predictor, def, self->stage_memory[1], sizes[1]);
+        status = verge_predictor_init_shared(&self->predictor, self->decider,
+                                             self->stage_memory[1], sizes[1]);
     }
     if (status == VERGE_OK) {
         status = verge_sampler_init(&self->sampler, def, self->stage_memory[2], sizes[2]);
@@ -379,7 +381,8 @@ static pose pose_of(const verge_vehicle_plan_t* plan, int64_t utime)
     const verge_plan_point_t *a = &plan->points[i], *b = &plan->points[i + 1];
     const double share = fmin(fmax(at - i, 0.0), 1.0);
     const double beyond_s = fmax(at - last, 0.0) * 1e-3 * plan->dt_ms;
-    const double turn = remainder((double)b->heading - (double)a->heading, 2.0 * 3.14159265358979323846);
+    const double whole = 2.0 * 3.14159265358979323846;
+    const double turn = remainder((double)b->heading - (double)a->heading, whole);
     pose p = { a->x + share * (b->x - a->x), a->y + share * (b->y - a->y),
                (double)a->heading + share * turn,
                (double)a->speed + share * ((double)b->speed - (double)a->speed) };
@@ -511,7 +514,8 @@ static void plan_alone(unit* self, verge_vehicle_plan* plan)
 static void plan_departing(unit* self, const verge_vehicle_plan_t* rest, verge_vehicle_plan* plan)
 {
     verge_vehicle_decision decided;
-    const bool along = wire_decision_from_plan(rest, &decided) && plan_decided(self, &decided, plan);
+    const bool along =
+        wire_decision_from_plan(rest, &decided) && plan_decided(self, &decided, plan);
     if (along && plan->status == VERGE_PLANNED) {
         return;
     }
@@ -671,8 +675,8 @@ static void adopt(unit* self, const choice* chosen)
     }
 }
 
-/// Follows the plan of the roadside unit: its points, or new ones along the same actions. Where there
-/// are none, the vehicle departs.
+/// Follows the plan of the roadside unit: its points, or new ones along the same actions. Where
+/// there are none, the vehicle departs.
 static void plan_following(unit* self, choice* chosen, verge_vehicle_plan* plan)
 {
     verge_vehicle_decision decided;
@@ -682,7 +686,7 @@ static void plan_following(unit* self, choice* chosen, verge_vehicle_plan* plan)
                || !plan_decided(self, &decided, plan)
                || (plan->status != VERGE_PLANNED && chosen->rest.status == VERGE_PLANNED)) {
         chosen->mode = WIRE_DEPARTING;
-        chosen->reason = WIRE_UNIT_PLAN_FAR;
+        chosen->reason = WIRE_UNIT_NO_TRAJECTORY;
         plan_departing(self, &chosen->rest, plan);
     }
 }

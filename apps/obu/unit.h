@@ -5,16 +5,17 @@
 ///     if (unit_cycle(unit, utime, &trajectory)) publish(&trajectory);     // ten times a second
 ///
 /// Modes       following   The plan of the roadside unit is fresh, begins where the vehicle is, and
-///                         meets no body as this unit predicts them now: its points are driven, or,
+///                         meets no body as this unit predicts them now. Its points are driven, or,
 ///                         further than 0.05 m or 0.1 m/s from them, new ones along its actions.
-///             departing   It meets a body, or is more than 1 m or 1 m/s from the vehicle. The
-///                         vehicle gets a trajectory of its own: along the actions of the plan if
-///                         that is possible, else by its own decision, else a fallback. A newer plan
-///                         that fits is followed again; the same plan is not.
+///             departing   It meets a body, or is more than 1 m or 1 m/s from the vehicle, or there
+///                         is no trajectory along its actions. The vehicle gets a trajectory of its
+///                         own: along the actions of the plan if that is possible, else by its own
+///                         decision, else a fallback. A newer plan that fits is followed again; the
+///                         same plan is not.
 ///             alone       There is no plan to follow. The unit decides for its vehicle alone.
 ///             stopping    The own position is missing, the body overlaps another one, or the
-///                         vehicle is on no lane: it brakes to standstill in its lane, from the last
-///                         trajectory where there is no position.
+///                         vehicle is on no lane. It brakes to standstill in its lane; where there
+///                         is no position, from its last trajectory.
 /// Prediction  A neighbour that drives a valid plan of the roadside unit moves as planned. Others
 ///             are predicted as by verge_predict(), but one that brakes harder than 1 m/s^2 is
 ///             expected to go on braking.
@@ -71,8 +72,8 @@ bool  unit_offer(unit* self, const transport_message* message);
 /// known; *trajectory is unchanged.
 bool  unit_cycle(unit* self, int64_t utime, verge_vehicle_trajectory_t* trajectory);
 
-/// Plans the last whole cycle of the roadside unit again, if there is a new one and the unit does so.
-/// True: *result says whether the own plan is the same, and what differs. It takes as long as the
+/// Plans the last whole cycle of the roadside unit again, if there is a new one and the unit does
+/// so. True: *result says whether the own plan is the same, and what differs. It takes as long as the
 /// trajectories of a cycle of the roadside unit.
 bool  unit_repeat(unit* self, repeat_result* result);
 

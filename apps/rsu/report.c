@@ -163,20 +163,9 @@ void report_plans(text* out, const cycle* cycle)
 
 // ---- Prometheus ---------------------------------------------------------------------------
 
-static void head(text* out, const char* name, const char* type, const char* help)
-{
-    text_add(out, "# HELP %s %s\n# TYPE %s %s\n", name, help, name, type);
-}
-
-static void single(text* out, const char* name, const char* type, const char* help, int64_t value)
-{
-    head(out, name, type, help);
-    text_add(out, "%s %" PRId64 "\n", name, value);
-}
-
 static void add_faults(text* out, uint32_t faults)
 {
-    head(out, "verge_fault_active", "gauge", "1 for each fault that is active; see verge(7).");
+    page_head(out, "verge_fault_active", "gauge", "1 for each fault that is active; see verge(7).");
     for (int32_t fault = RSU_FAULT_NONE + 1; fault < RSU_FAULT_COUNT; fault++) {
         text_add(out, "verge_fault_active{fault=\"%s\"} %u\n", message_rsu_fault(fault),
                  faults >> fault & 1u);
@@ -190,7 +179,7 @@ static void add_cycle_times(text* out, const verge_rsu_status_t* status)
         { "p99", status->cycle_us_p99 },
         { "max", status->cycle_us_max },
     };
-    head(out, "verge_cycle_seconds", "gauge",
+    page_head(out, "verge_cycle_seconds", "gauge",
          "Time of a planning cycle: the last, the 99th percentile of the last 1024, the longest.");
     for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         text_add(out, "verge_cycle_seconds{stat=\"%s\"} %.6f\n", rows[i].stat,
@@ -215,7 +204,7 @@ static void add_received(text* out, const verge_rsu_status_t* status)
         { "version", status->rx_version },
         { "other_map", status->rx_other_map },
     };
-    head(out, "verge_rx_total", "counter", "Vehicle states received, by result.");
+    page_head(out, "verge_rx_total", "counter", "Vehicle states received, by result.");
     for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         text_add(out, "verge_rx_total{result=\"%s\"} %" PRId32 "\n", rows[i].result,
                  rows[i].count);
@@ -224,7 +213,7 @@ static void add_received(text* out, const verge_rsu_status_t* status)
 
 static void add_arena(text* out, const verge_rsu_status_t* status)
 {
-    head(out, "verge_arena_bytes", "gauge", "The planner's memory: its size, and the peak.");
+    page_head(out, "verge_arena_bytes", "gauge", "The planner's memory: its size, and the peak.");
     text_add(out, "verge_arena_bytes{stat=\"size\"} %" PRId64 "\n"
              "verge_arena_bytes{stat=\"peak\"} %" PRId64 "\n", status->arena_size_bytes,
              status->arena_peak_bytes);
@@ -237,49 +226,50 @@ static void add_totals(text* out, const report_input* from)
     for (uint32_t i = 0; i < COUNTERS; i++) {
         char name[64];
         (void)snprintf(name, sizeof name, "verge_%s_total", rows[i].name);
-        single(out, name, "counter", rows[i].help, (int64_t)rows[i].value);
+        page_value(out, name, "counter", rows[i].help, (int64_t)rows[i].value);
     }
 }
 
 void report_metrics(text* out, const report_input* from)
 {
     const verge_rsu_status_t* status = &from->status;
-    head(out, "verge_build_info", "gauge", "Always 1; the labels give version and configuration.");
+    page_head(out, "verge_build_info", "gauge",
+              "Always 1; the labels give version and configuration.");
     text_add(out, "verge_build_info{version=\"%s\",rsu_id=\"%" PRId32 "\",map_crc32=\"%08" PRIx32
              "\",config_crc32=\"%08" PRIx32 "\"} 1\n", VERGE_VERSION_STRING, status->rsu_id,
              (uint32_t)status->map_crc32, (uint32_t)status->config_crc32);
-    head(out, "verge_start_time_seconds", "gauge", "When the daemon was started, Unix time.");
+    page_head(out, "verge_start_time_seconds", "gauge", "When the daemon was started, Unix time.");
     text_add(out, "verge_start_time_seconds %.6f\n", (double)status->start_utime * 1e-6);
-    single(out, "verge_state", "gauge",
-           "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.", status->state);
-    single(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge(7).",
+    page_value(out, "verge_state", "gauge",
+               "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.", status->state);
+    page_value(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge(7).",
            status->fault);
     add_faults(out, from->faults);
-    single(out, "verge_standby", "gauge", "1: no plan is sent, because another unit leads.",
+    page_value(out, "verge_standby", "gauge", "1: no plan is sent, because another unit leads.",
            peers_leader(from->peers, from->now) != NULL ? 1 : 0);
-    single(out, "verge_cycles_total", "counter", "Planning cycles begun.",
+    page_value(out, "verge_cycles_total", "counter", "Planning cycles begun.",
            (int64_t)from->cycle->number + 1);
-    single(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",
+    page_value(out, "verge_vehicles_seen", "gauge", "Vehicles in the last cycle.",
            status->vehicles_seen);
-    single(out, "verge_vehicles_controlled", "gauge", "Of the vehicles seen, those planned.",
+    page_value(out, "verge_vehicles_controlled", "gauge", "Of the vehicles seen, those planned.",
            status->vehicles_controlled);
     add_cycle_times(out, status);
-    single(out, "verge_deadline_misses_total", "counter",
-           "Ticks at which the planner was still running.", status->deadline_misses);
-    single(out, "verge_plans_sent_total", "counter", "Plans sent, without cancellations.",
+    page_value(out, "verge_deadline_misses_total", "counter",
+               "Ticks at which the planner was still running.", status->deadline_misses);
+    page_value(out, "verge_plans_sent_total", "counter", "Plans sent, without cancellations.",
            status->plans_sent);
-    single(out, "verge_fallbacks_total", "counter", "Of the plans sent, fallbacks.",
+    page_value(out, "verge_fallbacks_total", "counter", "Of the plans sent, fallbacks.",
            status->fallbacks);
-    single(out, "verge_log_dropped_total", "counter",
-           "Lines of the log that were lost: it was not read, or could not be written.",
+    page_value(out, "verge_log_dropped_total", "counter",
+               "Lines of the log that were lost: it was not read, or could not be written.",
            (int64_t)from->log_dropped);
-    single(out, "verge_record_dropped_total", "counter",
-           "Events missing in the recording, for the same reasons.",
+    page_value(out, "verge_record_dropped_total", "counter",
+               "Events missing in the recording, for the same reasons.",
            (int64_t)from->record_dropped);
     add_received(out, status);
     page_strangers(out, &from->bus);
     add_totals(out, from);
     add_arena(out, status);
-    single(out, "verge_nodes_peak", "gauge", "The most nodes that the search tree had.",
+    page_value(out, "verge_nodes_peak", "gauge", "The most nodes that the search tree had.",
            status->nodes_peak);
 }

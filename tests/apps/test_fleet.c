@@ -155,7 +155,8 @@ static void the_same_faults_give_the_same_run(void** state)
 {
     (void)state;
     const fleet_faults faults = { .delay_s = 0.2, .loss = 0.3, .seed = 5 };
-    const outcome a = drive_shipped("ramp-case1", &faults), b = drive_shipped("ramp-case1", &faults);
+    const outcome a = drive_shipped("ramp-case1", &faults);
+    const outcome b = drive_shipped("ramp-case1", &faults);
     assert_memory_equal(&a.min_distance, &b.min_distance, sizeof a.min_distance);
     assert_int_equal(a.changes, b.changes);
 }
@@ -164,8 +165,8 @@ static void the_same_faults_give_the_same_run(void** state)
 
 enum { SWERVE_TICK = 22 }; // between the cycles at 2.0 and 2.5 s
 
-/// A controlled vehicle on the right lane of two, at 15 m/s, and a human on the left one ahead of it
-/// who drives straight, and at 2.2 s swerves into the right lane within 1.5 s (or brakes, if it is
+/// A controlled vehicle on the right lane of two, at 15 m/s, and a human on the left one ahead of
+/// it who drives straight, and at 2.2 s swerves into the right lane within 1.5 s (or brakes, if it is
 /// ahead in the same lane).
 static void write_deviation(char* text, size_t size, bool swerves, double gap)
 {
@@ -186,8 +187,8 @@ static void write_deviation(char* text, size_t size, bool swerves, double gap)
         const double t = 0.1 * i, into = fmin(fmax(t - 0.1 * SWERVE_TICK, 0.0) / 1.5, 1.0);
         const double y = swerves ? 3.75 * (1.0 - into * into * (3.0 - 2.0 * into)) : 0.0;
         const double slope = swerves ? -3.75 * 6.0 * into * (1.0 - into) / 1.5 : 0.0;
-        at += snprintf(text + at, size - (size_t)at, "%s[%g, %g, %g, %g, %g]", i > 0 ? ", " : "", t, x,
-                       y, atan2(slope, fmax(v, 0.1)), v);
+        at += snprintf(text + at, size - (size_t)at, "%s[%g, %g, %g, %g, %g]", i > 0 ? ", " : "",
+                       t, x, y, atan2(slope, fmax(v, 0.1)), v);
         v = !swerves && i >= SWERVE_TICK ? fmax(v - 0.7, 0.0) : v;
         x += 0.1 * v;
     }

@@ -112,8 +112,9 @@ static void hear_states(rig* self, double t)
 static verge_vehicle_plan_t plan_at(rig* self, double t)
 {
     verge_vehicle vehicles[2] = { self->own, self->human };
-    assert_int_equal(verge_planner_step(self->planner, instant(t), vehicles, self->has_human ? 2 : 1,
-                                        &self->plan), VERGE_OK);
+    const uint32_t count = self->has_human ? 2 : 1;
+    assert_int_equal(verge_planner_step(self->planner, instant(t), vehicles, count, &self->plan),
+                     VERGE_OK);
     const wire_plan_header header = {
         .utime = instant(t), .valid_until_utime = instant(t + 3.0), .state_utime = instant(t),
         .rsu_id = RSU, .cycle = self->cycle++, .plans_in_cycle = 1, .digest = self->plan.digest,
@@ -613,8 +614,8 @@ static void a_babbling_roadside_unit_does_no_harm(void** state)
 static void a_state_with_the_own_id_from_another_bus_is_counted_only(void** state)
 {
     (void)state;
-    const unit_def made = { .planner = def_small(), .vehicle_id = OWN, .rsu_id = -1, .map_crc32 = MAP,
-                            .limits = inbox_default_limits(), .own_bus = 1 };
+    const unit_def made = { .planner = def_small(), .vehicle_id = OWN, .rsu_id = -1,
+                            .map_crc32 = MAP, .limits = inbox_default_limits(), .own_bus = 1 };
     char error[256] = "";
     unit* self = unit_open(&made, error, sizeof error);
     assert_non_null(self);

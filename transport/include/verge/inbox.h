@@ -191,10 +191,10 @@ typedef struct inbox_view {
 } inbox_view;
 
 /// Extrapolates every state to plan_utime with constant acceleration, until the vehicle stands, and
-/// constant curvature (0 if the yaw rate is unknown, and backwards; at most 0.5 1/m). Vehicles that request a plan
-/// and are fresh are controlled; if there are more than controlled_max, those of the last view
-/// first, then by id. Forgets vehicles older than drop_ms. Each cancellation appears in exactly one
-/// view.
+/// constant curvature (0 if the yaw rate is unknown, and backwards; at most 0.5 1/m). Vehicles that
+/// request a plan and are fresh are controlled; if there are more than controlled_max, those of the
+/// last view first, then by id. Forgets vehicles older than drop_ms. Each cancellation appears in
+/// exactly one view.
 void inbox_snapshot(inbox* self, int64_t plan_utime, inbox_view* view);
 
 /// The stored state of one vehicle, extrapolated to an instant. False: none, or not fresh then.

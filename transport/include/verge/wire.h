@@ -62,8 +62,11 @@ typedef enum wire_unit_reason {
     WIRE_UNIT_TOUCHING = 11,     ///< the body overlaps another one
     WIRE_UNIT_OFF_ROAD = 12,     ///< the vehicle is on no lane
     WIRE_UNIT_REFUSED = 13,      ///< the own state cannot be planned from
+    // departing
+    WIRE_UNIT_NO_TRAJECTORY = 14, ///< from where the vehicle is, no trajectory along the actions of the
+                                  ///< plan was acceptable
 } wire_unit_reason;
-enum { WIRE_UNIT_MODES = 4, WIRE_UNIT_REASONS = 14 };
+enum { WIRE_UNIT_MODES = 4, WIRE_UNIT_REASONS = 15 };
 
 /// "following", "departing", "alone", "stopping"; "unknown". Never null.
 const char* wire_unit_mode_name(int32_t mode);

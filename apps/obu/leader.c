@@ -21,6 +21,7 @@ void leader_forget(leader* self)
     self->rsu_id = -1;
     self->plan_count = 0;
     self->cycle_us = LEADER_CYCLE_US_DEFAULT;
+    self->seen_us = 0;
     self->other_map = self->other_version = 0;
     memset(self->senders, 0, sizeof self->senders);
 }
@@ -62,29 +63,38 @@ static void make_room(leader* self, int64_t now)
     self->plan_count = kept;
 }
 
-/// The period of the roadside unit, from two of its plans for one vehicle.
+/// The period of the roadside unit, from two of its plans for one vehicle. Late plans begin at other
+/// instants than their cycles, so a shorter period counts when two plans in a row show it.
 static void learn_cycle(leader* self, const verge_vehicle_plan_t* before,
                         const verge_vehicle_plan_t* plan)
 {
     const int64_t cycles = (int64_t)plan->cycle - before->cycle;
     const int64_t us = cycles > 0 ? (plan->utime - before->utime) / cycles : 0;
-    if (us >= LEADER_CYCLE_US_MIN && us <= LEADER_CYCLE_US_MAX) {
+    const bool late =
+        plan->reason == VERGE_REASON_OVERRUN || before->reason == VERGE_REASON_OVERRUN;
+    if (late || us < LEADER_CYCLE_US_MIN || us > LEADER_CYCLE_US_MAX) {
+        return;
+    }
+    const int64_t apart = us - self->seen_us;
+    if (us >= self->cycle_us || (apart <= us / 8 && apart >= -us / 8)) {
         self->cycle_us = us;
     }
+    self->seen_us = us;
 }
 
 static leader_verdict judge(leader* self, const verge_vehicle_plan_t* plan, inbox_source source,
                             int64_t now)
 {
+    const bool own = plan->vehicle_id == self->def.vehicle_id;
     if (plan->protocol_version != WIRE_PROTOCOL_VERSION) {
-        self->other_version = now;
+        self->other_version = own ? now : self->other_version;
         return LEADER_OTHER_VERSION;
     }
     if (wire_plan_check(plan) != NULL || source.bus >= INBOX_BUSES_MAX) {
         return LEADER_OUT_OF_RANGE;
     }
     if ((uint32_t)plan->map_crc32 != self->def.map_crc32) {
-        self->other_map = now;
+        self->other_map = own ? now : self->other_map;
         return LEADER_OTHER_MAP;
     }
     const leader_verdict sender = judge_sender(self, plan, source, now);
@@ -127,8 +137,17 @@ leader_verdict leader_offer(leader* self, const verge_vehicle_plan_t* plan, inbo
     self->plans[place] = *plan;
     self->senders[source.bus] = source.sender;
     self->heard = now;
-    self->ever = self->ever || plan->vehicle_id == self->def.vehicle_id;
+    if (plan->vehicle_id == self->def.vehicle_id) {
+        self->ever = true;
+        self->heard_own = now;
+    }
     return LEADER_ACCEPTED;
+}
+
+/// Has the roadside unit not planned the own vehicle for three of its cycles?
+static bool is_silent_about_own(const leader* self, int64_t now)
+{
+    return is_silent(self, now) || now - self->heard_own > LEADER_SILENT_CYCLES * self->cycle_us;
 }
 
 static leader_verdict judge_sender(leader* self, const verge_vehicle_plan_t* plan,
@@ -142,8 +161,11 @@ static leader_verdict judge_sender(leader* self, const verge_vehicle_plan_t* pla
         memset(self->senders, 0, sizeof self->senders); // a unit that was restarted sends anew
         return LEADER_ACCEPTED;
     }
-    if (plan->rsu_id != self->rsu_id) {
-        return plan->rsu_id > self->rsu_id ? LEADER_OTHER_RSU : LEADER_ACCEPTED;
+    if (plan->rsu_id != self->rsu_id) { // units share vehicles: who plans the own one counts
+        const bool own = plan->vehicle_id == self->def.vehicle_id;
+        const bool first = plan->rsu_id < self->rsu_id || is_silent_about_own(self, now);
+        return own && plan->status != VERGE_CANCELLED && first ? LEADER_ACCEPTED
+                                                               : LEADER_OTHER_RSU;
     }
     const uint64_t owner = self->senders[source.bus];
     return owner != 0 && source.sender != 0 && owner != source.sender ? LEADER_SAME_ID
@@ -159,11 +181,21 @@ static leader_verdict judge_time(const leader* self, const verge_vehicle_plan_t*
     if (plan->status != VERGE_CANCELLED && plan->valid_until_utime < now) {
         return LEADER_OVER;
     }
-    if (known == NULL || (known->status != VERGE_CANCELLED && plan->status == VERGE_CANCELLED
+    const bool cancels = plan->status == VERGE_CANCELLED;
+    if (cancels && now - plan->utime > LEADER_SILENT_CYCLES * self->cycle_us) {
+        return LEADER_OVER;
+    }
+    if (known == NULL || (known->status != VERGE_CANCELLED && cancels
                           && plan->utime >= known->utime)) {
         return LEADER_ACCEPTED;
     }
+    // A late plan may begin with the rest of the plan before it, which bridged the time.
     const int64_t later = plan->utime - known->utime;
+    const bool bridged = known->reason == VERGE_REASON_OVERRUN
+                         && plan->reason != VERGE_REASON_OVERRUN && plan->cycle > known->cycle;
+    if (bridged && later > -(int64_t)plan->dt_ms * 1000) {
+        return LEADER_ACCEPTED;
+    }
     return later <= 0                     ? LEADER_OLD
            : later < LEADER_CYCLE_US_MIN ? LEADER_TOO_SOON
                                          : LEADER_ACCEPTED;
@@ -204,14 +236,15 @@ static bool lately(const leader* self, int64_t refused, int64_t now)
 
 const verge_vehicle_plan_t* leader_plan(const leader* self, int64_t now, wire_unit_reason* why_not)
 {
-    const verge_vehicle_plan_t* plan = leader_plan_of(self, self->def.vehicle_id, now);
+    const verge_vehicle_plan_t* plan =
+        is_silent_about_own(self, now) ? NULL : leader_plan_of(self, self->def.vehicle_id, now);
     const uint32_t place = place_of(self, self->def.vehicle_id);
     const bool known = place < self->plan_count;
     *why_not = plan != NULL                                          ? WIRE_UNIT_NONE
                : lately(self, self->other_map, now)                  ? WIRE_UNIT_OTHER_MAP
                : lately(self, self->other_version, now)              ? WIRE_UNIT_OTHER_VERSION
                : !self->ever                                         ? WIRE_UNIT_NEVER_HEARD
-               : is_silent(self, now) || !known                      ? WIRE_UNIT_SILENT
+               : is_silent_about_own(self, now) || !known            ? WIRE_UNIT_SILENT
                : self->plans[place].status == VERGE_CANCELLED        ? WIRE_UNIT_CANCELLED
                                                                      : WIRE_UNIT_PLAN_OVER;
     return plan;

@@ -6,8 +6,9 @@
 ///     plan = leader_plan(&leader, now_utime, &why_not);              // each cycle
 ///
 /// Several     One roadside unit is followed at a time: the one that the configuration names, or
-/// units       else the lowest id. Another one takes its place when it is silent for three of its
-///             cycles. An id belongs to the first sender of it on each bus, until then.
+/// units       else the lowest id of those that plan the own vehicle. Another one takes its place
+///             when it has not planned the own vehicle for three of its cycles. On each bus an id
+///             belongs to the first sender of it, until that one is silent for three cycles.
 /// Refused     A plan changes only a counter if it is of another protocol version or road, older than
 ///             what is known, from the future, over already, too soon after the last one, or if it
 ///             contradicts another plan of its cycle.
@@ -59,9 +60,12 @@ typedef struct leader {
     int32_t    rsu_id;    ///< that is followed, -1: none
     uint64_t   senders[INBOX_BUSES_MAX]; ///< that own this id; 0: not known
     int64_t    heard;     ///< [us] arrival of its last accepted plan, for any vehicle
+    int64_t    heard_own; ///< [us] the same, for the own vehicle
     int64_t    cycle_us;  ///< [us] its period
+    int64_t    seen_us;   ///< [us] between its last two plans; 0: not known
     bool       ever;      ///< was a plan for the own vehicle ever accepted?
-    int64_t    other_map, other_version; ///< [us] arrival of the last plan refused for it; 0: none
+    int64_t    other_map, other_version; ///< [us] arrival of the last plan for the own vehicle that
+                                         ///< was refused for it; 0: none
     uint32_t   plan_count;
     verge_vehicle_plan_t plans[VERGE_CONTROLLED_MAX]; ///< the newest of each vehicle
     uint64_t   counters[LEADER_VERDICTS];

@@ -12,8 +12,15 @@ static const double far_m = 1.0, far_mps = 1.0;
 static const double near_m = 0.05, near_mps = 0.1;
 /// An unplanned neighbour that brakes harder is expected to go on braking. [m/s^2]
 static const double brakes_from = 1.0;
+/// Free space beside the own path, within which another body counts as in it. [m]
+static const double path_margin = 1.0;
 /// Free distance to such a neighbour, ahead of it and behind; less where there is less now. [m]
 static const double braking_gap = 1.5;
+
+/// A clock that is further ahead after a cycle has stepped; no cycle is that long. [us]
+static const int64_t leap_us = 1500000;
+
+enum { OWN_STATES = 32 }; // remembered, to know them again when a bus returns them
 
 /// What plans the cycles of the roadside unit again.
 typedef struct again {
@@ -39,6 +46,8 @@ struct unit {
     verge_signal        signals[INBOX_SIGNALS_MAX];
     leader              leader;
     verge_vehicle_state_t own_state;
+    int64_t             own_utimes[OWN_STATES]; // [us] of the last own states
+    uint32_t            own_count;
 
     verge_vehicle       vehicles[2][VERGE_VEHICLES_MAX];
     verge_lane_position positions[2][VERGE_VEHICLES_MAX];
@@ -55,6 +64,8 @@ struct unit {
     wire_unit_reason    reason;
     int32_t             reason_vehicle;
     int64_t             departed;       // [us] utime of the last plan departed from; 0: none
+    wire_unit_reason    departed_reason;
+    int32_t             departed_vehicle;
     int64_t             utime;          // [us] of the last cycle
     int64_t             state_utime;    // [us] of the own state in it
     int32_t             sequence;
@@ -208,10 +219,49 @@ void unit_continue(unit* self, const unit* before)
     self->utime = before->utime;
     self->sequence = before->sequence;
     self->counters = before->counters;
-    memcpy(self->leader.counters, before->leader.counters, sizeof self->leader.counters);
+    if (self->def.map_crc32 == before->def.map_crc32 && self->def.rsu_id == before->def.rsu_id) {
+        const leader_def def = self->leader.def;
+        self->leader = before->leader;
+        self->leader.def = def;
+        memset(self->leader.senders, 0, sizeof self->leader.senders); // as above
+    } else {
+        memcpy(self->leader.counters, before->leader.counters, sizeof self->leader.counters);
+    }
+}
+
+static double length_of(double x, double y)
+{
+    return sqrt(x * x + y * y); // hypot() has other bits on other machines
 }
 
 // ---- messages -----------------------------------------------------------------------------
+
+/// Is this one of the last own states? The unit forwards them, and a bus may return them.
+static bool is_echo(const unit* self, const verge_vehicle_state_t* state)
+{
+    bool found = false;
+    for (uint32_t i = 0; i < OWN_STATES; i++) {
+        found = found || self->own_utimes[i] == state->utime;
+    }
+    return found;
+}
+
+/// Where all places of the inbox are taken, the farthest vehicle leaves for a nearer one, and any
+/// for the own one.
+static void make_place(unit* self, const verge_vehicle_state_t* state)
+{
+    const double x = self->own_state.x, y = self->own_state.y;
+    int32_t farthest = -1;
+    double  distance = 0.0;
+    if (inbox_held_utime(&self->inbox, state->vehicle_id) != 0
+        || !inbox_farthest(&self->inbox, x, y, &farthest, &distance)) {
+        return;
+    }
+    if (state->vehicle_id == self->def.vehicle_id
+        || length_of(state->x - x, state->y - y) < distance) {
+        inbox_forget_vehicle(&self->inbox, farthest);
+    }
+}
 
 static bool offer_state(unit* self, const transport_message* message, inbox_source source)
 {
@@ -219,16 +269,15 @@ static bool offer_state(unit* self, const transport_message* message, inbox_sour
     const bool own = state->vehicle_id == self->def.vehicle_id;
     const int32_t bus = self->def.own_bus;
     if (own && bus >= 0 && message->bus != (uint32_t)bus) {
-        // The unit forwards its own states; a bus may return them.
-        const bool echo = state->utime <= self->own_state.utime && state->x == self->own_state.x
-                          && state->y == self->own_state.y;
-        self->counters.own_id_elsewhere += echo ? 0u : 1u;
+        self->counters.own_id_elsewhere += is_echo(self, state) ? 0u : 1u;
         return false;
     }
+    make_place(self, state);
     const bool used = inbox_offer_from(&self->inbox, state, source, message->arrival_utime,
                                        self->road) == INBOX_ACCEPTED;
     if (own && used) {
         self->own_state = *state;
+        self->own_utimes[self->own_count++ % OWN_STATES] = state->utime;
     }
     if (used && self->again != NULL) {
         repeat_state(&self->again->repeat, state);
@@ -282,21 +331,22 @@ bool unit_repeat(unit* self, repeat_result* result)
 
 // ---- the vehicles of a cycle --------------------------------------------------------------
 
-static double length_of(double x, double y)
+/// How far a vehicle is from the own one; one ahead in its path counts as ten times as near. [m]
+static double remoteness(const verge_vehicle* other, const verge_vehicle* own)
 {
-    return sqrt(x * x + y * y); // hypot() has other bits on other machines
-}
-
-static double distance_to(const verge_vehicle* a, const verge_vehicle* b)
-{
-    return length_of(a->x - b->x, a->y - b->y);
+    const double x = other->x - own->x, y = other->y - own->y;
+    double sine, cosine;
+    verge_sincos(own->heading, &sine, &cosine);
+    const double ahead = x * cosine + y * sine, beside = fabs(y * cosine - x * sine);
+    const double reach = 0.5 * (own->width + other->width) + path_margin;
+    return length_of(x, y) * (ahead > 0.0 && beside < reach ? 0.1 : 1.0);
 }
 
 /// The own vehicle where its last trajectory has it at this instant.
 static verge_vehicle reckoned(const unit* self, int64_t utime)
 {
     const verge_vehicle_plan* last = &self->plans[1];
-    const double t = (double)(utime - last->utime) * 1e-6 / self->def.planner.point_s;
+    const double t = (double)(utime - last->utime) * 1e-6 / last->points[1].t;
     const double k = fmin(fmax(t, 0.0), (double)(last->point_count - 1u));
     const uint32_t i = (uint32_t)k + 1u < last->point_count ? (uint32_t)k : last->point_count - 2u;
     const verge_point *a = &last->points[i], *b = &last->points[i + 1u];
@@ -309,6 +359,9 @@ static verge_vehicle reckoned(const unit* self, int64_t utime)
     own.speed = over ? 0.0 : fmax(a->speed + share * (b->speed - a->speed), 0.0);
     own.acceleration = over ? 0.0 : a->acceleration + share * (b->acceleration - a->acceleration);
     own.yaw_rate = (share < 0.5 ? a->curvature : b->curvature) * own.speed;
+    if (!verge_road_continues(self->road, own.target_lane, own.target_lane)) {
+        own.target_lane = VERGE_NO_LANE; // a lane that this road does not have
+    }
     return own;
 }
 
@@ -329,7 +382,7 @@ static uint32_t gather(unit* self, const verge_vehicle* own,
         }
         next.controlled = leader_plan_of(&self->leader, next.id, self->utime) != NULL;
         uint32_t at = count;
-        for (; at > 0 && distance_to(&next, own) < distance_to(&nearest[at - 1u], own); at--) {
+        for (; at > 0 && remoteness(&next, own) < remoteness(&nearest[at - 1u], own); at--) {
             if (at < room) {
                 nearest[at] = nearest[at - 1u];
             }
@@ -597,7 +650,9 @@ static void choose(unit* self, choice* chosen)
     if (plan == NULL) {
         return;
     }
-    if (!wire_plan_rest(plan, self->utime, &chosen->rest)) {
+    // The rest has to look as far ahead as a new plan would be half over.
+    if (!wire_plan_rest(plan, self->utime, &chosen->rest)
+        || 2 * (chosen->rest.point_count - 1) < plan->point_count - 1) {
         chosen->reason = WIRE_UNIT_PLAN_OVER;
         return;
     }
@@ -609,8 +664,8 @@ static void choose(unit* self, choice* chosen)
     } else if (meets(self, &chosen->rest, &chosen->vehicle)) {
         chosen->reason = WIRE_UNIT_CONTACT;
     } else if (plan->utime == self->departed) {
-        chosen->reason = self->reason; // until the next plan
-        chosen->vehicle = self->reason_vehicle;
+        chosen->reason = self->departed_reason; // until the next plan
+        chosen->vehicle = self->departed_vehicle;
     } else {
         chosen->mode = WIRE_FOLLOWING;
         chosen->tracked = is_within(plan, &self->scenes[0].vehicles[self->own], self->utime,
@@ -669,6 +724,8 @@ static void adopt(unit* self, const choice* chosen)
     self->reason_vehicle = chosen->vehicle;
     if (chosen->mode == WIRE_DEPARTING) {
         self->departed = chosen->plan_utime;
+        self->departed_reason = chosen->reason;
+        self->departed_vehicle = chosen->vehicle;
     }
     if (chosen->mode == WIRE_FOLLOWING) { // own decisions begin anew after it
         memset(&self->commitment, 0, sizeof self->commitment);
@@ -728,7 +785,7 @@ static bool own_vehicle(unit* self, verge_vehicle* own)
            && !isnan(self->own_state.heading) && !isnan(self->own_state.speed);
 }
 
-/// The clock has stepped back: what is known lies in the future now.
+/// The clock has stepped: what is known lies in the future now, or is older than it was.
 static void start_afresh(unit* self)
 {
     self->counters.clock_steps++;
@@ -741,7 +798,7 @@ static void start_afresh(unit* self)
 bool unit_cycle(unit* self, int64_t utime, verge_vehicle_trajectory_t* trajectory)
 {
     const int64_t back = self->utime - utime;
-    if (self->counters.cycles > 0 && back >= 0) {
+    if (self->counters.cycles > 0 && (back >= 0 || back < -leap_us)) {
         start_afresh(self);
         self->plans[1].utime -= back; // the last trajectory goes on by the new clock
     }
@@ -749,6 +806,7 @@ bool unit_cycle(unit* self, int64_t utime, verge_vehicle_trajectory_t* trajector
     self->counters.cycles++;
     self->sequence = self->sequence < INT32_MAX ? self->sequence + 1 : 0;
     inbox_snapshot(&self->inbox, utime, &self->view);
+    inbox_placed(&self->inbox, &self->def.vehicle_id, 1); // off the road it is known, too
     verge_vehicle own;
     choice chosen = { .mode = WIRE_STOPPING, .reason = WIRE_UNIT_NO_POSITION, .vehicle = -1 };
     bool known = own_vehicle(self, &own);
@@ -759,9 +817,14 @@ bool unit_cycle(unit* self, int64_t utime, verge_vehicle_trajectory_t* trajector
         choose(self, &chosen);
     }
     if (!known) { // from where the last trajectory has it
-        own = self->has_last ? reckoned(self, utime) : own;
+        if (self->has_last) {
+            own = reckoned(self, utime);
+        }
         if (!self->has_last || !place(self, &own)) {
             self->counters.without++;
+            self->mode = chosen.mode;
+            self->reason = chosen.reason;
+            self->reason_vehicle = -1;
             return false;
         }
     }

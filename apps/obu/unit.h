@@ -45,7 +45,7 @@ typedef struct unit_def {
 
 typedef struct unit_counters {
     uint64_t cycles;
-    uint64_t without;         ///< cycles without a trajectory: there was no position yet
+    uint64_t without;         ///< cycles without a trajectory
     uint64_t by_mode[WIRE_UNIT_MODES]; ///< trajectories
     uint64_t mode_changes;
     uint64_t tracked;         ///< trajectories that are the points of the roadside unit's plan
@@ -53,7 +53,7 @@ typedef struct unit_counters {
     uint64_t own_id_elsewhere; ///< states with the own id from another bus than own_bus
     uint64_t left_out;        ///< neighbours beyond vehicles_max, summed over cycles
     uint64_t unusable;        ///< neighbours that the planner refuses
-    uint64_t clock_steps;     ///< times the clock has stepped back
+    uint64_t clock_steps;     ///< times the clock has stepped back, or ahead by over 1.5 s
     uint64_t repeated;        ///< plans of the roadside unit that were planned again
     uint64_t repeated_same;   ///< of these, equal to the message, bit for bit
 } unit_counters;

@@ -702,6 +702,178 @@ static void of_many_neighbours_the_nearest_count(void** state)
     rig_close(self);
 }
 
+// ---- edges --------------------------------------------------------------------------------
+
+/// A target lane that the road does not have costs the vehicle its wish, and not its stop.
+static void with_an_unknown_target_a_vehicle_without_a_position_stops_too(void** state)
+{
+    (void)state;
+    rig* self = rig_open(12.0);
+    self->own.target_lane = 77;
+    for (int i = 0; i < 20; ++i) {
+        if (i < 10) {
+            hear_states(self, 0.1 * i);
+        }
+        (void)cycle_at(self, 0.1 * i);
+        assert_true(self->spoke);
+        drive_to(self, 0.1 * (i + 1));
+    }
+    expect(self, WIRE_STOPPING, WIRE_UNIT_NO_POSITION);
+    rig_close(self);
+}
+
+/// Plans of another vehicle go on, those of the own one do not: the old plan is not driven to its
+/// end, and each trajectory looks ahead for a second and a half at least.
+static void a_plan_is_not_followed_to_its_end(void** state)
+{
+    (void)state;
+    rig* self = rig_open(15.0);
+    follow(self, 0.0, 1.0); // the last plan came at 0.5 s
+    for (int i = 10; i < 40; ++i) {
+        const double t = 0.1 * i;
+        hear_states(self, t);
+        if (i % 5 == 0) {
+            verge_vehicle_plan_t other = plan_at(self, t);
+            other.vehicle_id = 30;
+            assert_true(offer(self, &other, t));
+        }
+        const verge_vehicle_trajectory_t* said = cycle_at(self, t);
+        assert_true(said->utime + (int64_t)(said->point_count - 1) * said->dt_ms * 1000
+                    >= instant(t + 1.4));
+        drive_to(self, t + 0.1);
+    }
+    assert_int_equal(self->said.mode, WIRE_ALONE);
+    rig_close(self);
+}
+
+/// In a full inbox the own vehicle and a near one take the places of far ones.
+static void among_more_vehicles_than_there_is_room_for_the_near_ones_are_known(void** state)
+{
+    (void)state;
+    rig* self = rig_open(12.0);
+    verge_vehicle other = verge_vehicle_default();
+    other.y = 3.75;
+    for (int32_t i = 0; i < VERGE_VEHICLES_MAX; ++i) {
+        other.id = 200 + i;
+        other.x = 850.0 - 0.5 * i;
+        assert_true(hear(self, &other, 0.0));
+    }
+    assert_true(hear(self, &self->own, 0.0)); // the own one comes last
+    other.id = 199;
+    other.x = self->own.x + 30.0;
+    other.y = 0.0;
+    assert_true(hear(self, &other, 0.0));
+    (void)cycle_at(self, 0.0);
+    assert_true(self->spoke && verge_scene_find(unit_look(self->unit).scene, 199) >= 0);
+    rig_close(self);
+}
+
+/// A queue on the other lane is nearer than the body ahead in the own one.
+static void a_body_ahead_counts_before_nearer_ones_beside(void** state)
+{
+    (void)state;
+    if (VERGE_VEHICLES_MAX < 10) {
+        skip();
+    }
+    rig* self = rig_open(12.0);
+    verge_vehicle other = verge_vehicle_default();
+    for (int32_t i = 0; i < 8; ++i) {
+        other.id = 20 + i;
+        other.x = self->own.x - 20.0 + 6.0 * i;
+        other.y = 3.75;
+        assert_true(hear(self, &other, 0.0));
+    }
+    other.id = 19;
+    other.x = self->own.x + 50.0;
+    other.y = 0.0;
+    assert_true(hear(self, &other, 0.0));
+    hear_states(self, 0.0);
+    (void)cycle_at(self, 0.0);
+    assert_true(verge_scene_find(unit_look(self->unit).scene, 19) >= 0); // of 3 neighbours
+    rig_close(self);
+}
+
+/// A unit with a lower id that plans others does not take the vehicle from the one that plans it.
+static void a_roadside_unit_that_plans_others_only_is_not_followed(void** state)
+{
+    (void)state;
+    rig* self = rig_open(15.0);
+    for (int i = 0; i < 30; ++i) {
+        const double t = 0.1 * i;
+        hear_states(self, t);
+        if (i % 5 == 0) {
+            const verge_vehicle_plan_t plan = plan_at(self, t);
+            verge_vehicle_plan_t low = plan;
+            low.rsu_id = RSU - 1;
+            low.vehicle_id = 30;
+            assert_true(offer(self, &plan, t));
+            assert_false(offer(self, &low, t));
+        }
+        (void)cycle_at(self, t);
+        expect(self, WIRE_FOLLOWING, WIRE_UNIT_NONE);
+        drive_to(self, t + 0.1);
+    }
+    rig_close(self);
+}
+
+/// One cycle is late: its time is bridged by the rest of the plan before, and the late plan begins at
+/// the same instant. The period stays what it was.
+static void a_late_cycle_does_not_make_a_roadside_unit_silent(void** state)
+{
+    (void)state;
+    rig* self = rig_open(15.0);
+    follow(self, 0.0, 1.5);
+    const verge_vehicle_plan_t before = plan_at(self, 1.0);
+    verge_vehicle_plan_t rest;
+    (void)offer(self, &before, 1.41);
+    assert_true(wire_plan_rest(&before, instant(1.5), &rest));
+    rest.reason = VERGE_REASON_OVERRUN;
+    assert_true(offer(self, &rest, 1.5));
+    verge_vehicle_plan_t late = plan_at(self, 1.5);
+    late.utime = rest.utime;
+    assert_true(offer(self, &late, 1.52));
+    assert_int_equal(unit_leader(self->unit)->cycle_us, 500000);
+    rig_close(self);
+}
+
+/// The bus returns own states, also several at a time.
+static void returned_own_states_are_no_strangers(void** state)
+{
+    (void)state;
+    const unit_def made = { .planner = def_small(), .vehicle_id = OWN, .rsu_id = -1,
+                            .map_crc32 = MAP, .limits = inbox_default_limits(), .own_bus = 1 };
+    char error[256] = "";
+    unit* self = unit_open(&made, error, sizeof error);
+    assert_non_null(self);
+    verge_vehicle own = verge_vehicle_default();
+    own.id = OWN;
+    for (int pass = 0; pass < 2; ++pass) { // first from the own bus, then back from the other one
+        for (int i = 0; i < 5; ++i) {
+            own.x = 50.0 + i;
+            transport_message* message = message_of_kind(TRANSPORT_STATE, 0.01 * i, 1);
+            message->bus = pass == 0 ? 1 : 0;
+            message->as.state =
+                wire_state_from_vehicle(&own, VERGE_NORMAL, instant(0.01 * i), i, -1);
+            assert_int_equal(unit_offer(self, message), pass == 0);
+        }
+    }
+    assert_int_equal(unit_count(self).own_id_elsewhere, 0);
+    unit_close(self);
+}
+
+/// A clock that leaps ahead makes the vehicle no jump, either.
+static void a_clock_that_leaps_ahead_does_not_move_the_vehicle(void** state)
+{
+    (void)state;
+    rig* self = rig_open(15.0);
+    follow(self, 0.0, 1.0);
+    (void)cycle_at(self, 6.0);
+    expect(self, WIRE_STOPPING, WIRE_UNIT_NO_POSITION);
+    CHECK_NEAR(self->said.points[0].x, self->own.x, 1.8);
+    CHECK_NEAR((double)self->said.points[0].speed, self->own.speed, 0.3);
+    rig_close(self);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -728,6 +900,14 @@ int main(void)
         cmocka_unit_test(a_clock_that_steps_back_does_not_move_the_vehicle),
         cmocka_unit_test(the_same_messages_give_the_same_trajectories),
         cmocka_unit_test(of_many_neighbours_the_nearest_count),
+        cmocka_unit_test(with_an_unknown_target_a_vehicle_without_a_position_stops_too),
+        cmocka_unit_test(a_plan_is_not_followed_to_its_end),
+        cmocka_unit_test(among_more_vehicles_than_there_is_room_for_the_near_ones_are_known),
+        cmocka_unit_test(a_body_ahead_counts_before_nearer_ones_beside),
+        cmocka_unit_test(a_roadside_unit_that_plans_others_only_is_not_followed),
+        cmocka_unit_test(a_late_cycle_does_not_make_a_roadside_unit_silent),
+        cmocka_unit_test(returned_own_states_are_no_strangers),
+        cmocka_unit_test(a_clock_that_leaps_ahead_does_not_move_the_vehicle),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -175,6 +175,24 @@ int64_t inbox_held_utime(const inbox* self, int32_t vehicle_id)
     return 0;
 }
 
+bool inbox_farthest(const inbox* self, double x, double y, int32_t* vehicle_id, double* distance)
+{
+    double most = -1.0;
+    for (uint32_t i = 0; i < self->vehicles_max; ++i) {
+        const verge_vehicle_state_t* state = &self->slots[i].state;
+        if (!self->slots[i].used) {
+            return false;
+        }
+        const double dx = state->x - x, dy = state->y - y;
+        if (dx * dx + dy * dy > most) {
+            most = dx * dx + dy * dy;
+            *vehicle_id = state->vehicle_id;
+        }
+    }
+    *distance = sqrt(most);
+    return true;
+}
+
 void inbox_forget_vehicle(inbox* self, int32_t vehicle_id)
 {
     inbox_slot* slot = slot_of(self, vehicle_id);

@@ -330,6 +330,9 @@ static void remove_actions(verge_vehicle_plan_t* plan, int32_t ms)
             (size_t)plan->action_count * sizeof plan->actions[0]);
     memset(plan->actions + plan->action_count, 0, (size_t)done * sizeof plan->actions[0]);
     verge_plan_action_t* first = &plan->actions[0];
+    if (done > 0) { // the decision of the first step is over
+        plan->decided = first->action;
+    }
     if (plan->action_count > 0 && begin < ms && first->t1_ms > ms) { // a part of it is driven
         first->distance *= (float)(first->t1_ms - ms) / (float)(first->t1_ms - begin);
     }

@@ -166,6 +166,10 @@ void inbox_placed(inbox* self, const int32_t* ids, uint32_t count);
 /// The utime of the stored state of a vehicle; 0: there is none.
 int64_t inbox_held_utime(const inbox* self, int32_t vehicle_id);
 
+/// Of a full inbox, the vehicle that is farthest from a place, and its distance [m]. False: there is
+/// room for one more.
+bool inbox_farthest(const inbox* self, double x, double y, int32_t* vehicle_id, double* distance);
+
 /// Forgets a vehicle, without a cancellation.
 void inbox_forget_vehicle(inbox* self, int32_t vehicle_id);
 

@@ -128,8 +128,9 @@ def gate_quality(program, folder):
             # Each search has a reward of its own, so what counts is when vehicles arrive. [s]
             lead.append(paper["finish_time"] - mine["finish_time"])
     assert sum(lead) / len(lead) >= 1.0, lead
-    # The bound drives each vehicle alone; what others cost has a larger part in the reward by time.
-    assert sum(below) / len(below) <= 0.25, below
+    # The bound drives each vehicle alone. What others cost has a large part in the reward by time: of
+    # the vehicles ahead in the path each counts that is slower.
+    assert sum(below) / len(below) <= 0.28, below
     assert sum(success) / len(success) >= 0.85, success  # of 200 scenes each: RESULTS.md
 
 

@@ -1,4 +1,5 @@
-/// Lines of a page of metrics, in the text format of Prometheus, and what all daemons have on it.
+/// What all daemons say to operators: lines of a page of metrics, in the text format of Prometheus,
+/// and members of answers in JSON.
 ///
 /// Memory      Only that of the text.
 #ifndef VERGE_DAEMON_PAGE_H
@@ -6,6 +7,7 @@
 
 #include "common/text.h"
 #include "verge/transport.h"
+#include "verge/verge.h"
 
 #include <stdint.h>
 
@@ -20,5 +22,13 @@ void page_labelled(text* out, const char* name, const char* label, const char* k
 /// verge_strangers_total, and the member "strangers" of a status in JSON, with a comma before it.
 void page_strangers(text* out, const transport_stats* bus);
 void page_strangers_json(text* out, const transport_stats* bus);
+
+/// The metric verge_cycle_seconds: the last cycle, the 99th percentile of the last 1024, the longest
+/// [us].
+void page_cycle_times(text* out, const char* help, uint32_t last, uint32_t p99, uint32_t max);
+
+/// A vehicle as an element of "vehicles". lane: id, or VERGE_NO_LANE; plan: null, or its valid plan.
+void page_vehicle_json(text* out, const verge_vehicle* vehicle, int64_t age_ms, int32_t lane,
+                       const verge_vehicle_plan_t* plan);
 
 #endif

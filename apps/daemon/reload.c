@@ -3,8 +3,12 @@
 #include "reload.h"
 
 #include "common/floating.h"
+#include "daemon/events.h"
+#include "daemon/log.h"
 
 #include <assert.h>
+#include <inttypes.h>
+#include <stdio.h>
 #include <string.h>
 
 // ---- the main thread ------------------------------------------------------------------------
@@ -117,4 +121,49 @@ static void retire_job(void* arg)
 {
     reloader* self = arg;
     setup_free(&self->old);
+}
+
+// ---- with the service manager, and in the log -----------------------------------------------
+
+uint64_t reloader_begin(reloader* self, const notify* notify)
+{
+    char reloading[64];
+    snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
+             clock_us(CLOCK_MONOTONIC));
+    notify_send(notify, reloading);
+    return reloader_ask(self);
+}
+
+reload_result reloader_serve(reloader* self, const notify* notify, uint64_t* ticket,
+                             const char** reason)
+{
+    *ticket = *ticket == 0 ? reloader_begin(self, notify) : *ticket;
+    *reason = self->error;
+    return reloader_answer(self, *ticket);
+}
+
+static void notify_settled(const reloader* self, const notify* notify)
+{
+    if (reloader_settled(self)) {
+        notify_send(notify, "READY=1");
+    }
+}
+
+bool reloader_over(reloader* self, const notify* notify)
+{
+    if (reloader_collect(self) != RELOAD_REFUSED) {
+        return false;
+    }
+    log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
+              self->def.now->site->config_crc32, log_words(self->error));
+    notify_settled(self, notify);
+    return true;
+}
+
+void reloader_applied(const reloader* self, const notify* notify)
+{
+    const site* site = self->def.now->site;
+    log_event(LOG_INFO, "config_applied", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
+              site->config_crc32, site->map_crc32, site->cycle_ms);
+    notify_settled(self, notify);
 }

@@ -17,6 +17,7 @@
 #ifndef VERGE_DAEMON_RELOAD_H
 #define VERGE_DAEMON_RELOAD_H
 
+#include "daemon/notify.h"
 #include "daemon/setup.h"
 #include "daemon/worker.h"
 
@@ -76,5 +77,19 @@ void reloader_install(reloader* self);
 bool reloader_busy(const reloader* self);
 /// Is every reload over that was asked for?
 bool reloader_settled(const reloader* self);
+
+// ---- with the service manager, and in the log -----------------------------------------------
+
+/// reloader_ask(), announced to the service manager.
+uint64_t reloader_begin(reloader* self, const notify* notify);
+/// For operators_def.reload: *ticket 0 begins a reload and sets its ticket. Returns its result so
+/// far; *reason says why it was refused.
+reload_result reloader_serve(reloader* self, const notify* notify, uint64_t* ticket,
+                             const char** reason);
+/// reloader_collect(): a refused configuration is logged, and the service manager told that the old
+/// one goes on. True: one was refused just now.
+bool reloader_over(reloader* self, const notify* notify);
+/// After reloader_install(): logs the new configuration and tells the service manager.
+void reloader_applied(const reloader* self, const notify* notify);
 
 #endif

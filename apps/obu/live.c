@@ -12,7 +12,7 @@
 #include "daemon/operators.h"
 #include "daemon/realtime.h"
 #include "daemon/reload.h"
-#include "daemon/setup.h"
+#include "daemon/start.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -31,8 +31,10 @@ enum {
     FAIL_PATIENCE_US = 5000000, // for the reason of a start that has failed
 };
 
+static const char NAME[] = "verge-obu";
+
 typedef struct live {
-    const obu_options* options;
+    const start_options* options;
     setup      now;            // the configuration in effect, with its unit
     reloader   reloader;
     transport* state_bus;      // of the vehicle itself; null: the buses of the setup
@@ -57,7 +59,7 @@ static void loop(live* self);
 static int  stop(live* self);
 static void release(live* self);
 
-int obu_run(const obu_options* options)
+int obu_run(const start_options* options)
 {
     static live self; // large; there is one daemon in a process
     memset(&self, 0, sizeof self);
@@ -97,54 +99,29 @@ void obu_unmake(void* made)
     unit_close(made);
 }
 
-/// Prints one line, not in the format of the log, and returns the code.
 static int fail(int code, const char* line)
 {
-    char text[CONFIG_ERROR_SIZE + 16];
-    snprintf(text, sizeof text, "verge-obu: %s", line);
-    log_plain(text);
-    return code;
-}
-
-/// Complaints of a bus: refused senders with the reason, errors of its middleware.
-static void log_complaint(void* context, const char* line)
-{
-    (void)context;
-    char words[384];
-    snprintf(words, sizeof words, "%s", line);
-    log_event(LOG_WARNING, "bus_complaint", "words=\"%s\"", log_words(words));
+    return start_fail(NAME, code, line);
 }
 
 static setup_def make_def(const live* self)
 {
     return (setup_def){ .path = self->options->config_path, .site = &OBU_CONFIG_DEF,
-                        .bus_use = OBU_BUS_USE, .log = log_complaint, .make = obu_make,
+                        .bus_use = OBU_BUS_USE, .log = start_complaint, .make = obu_make,
                         .unmake = obu_unmake };
-}
-
-static void open_log(const live* self)
-{
-    const log_format* asked = self->options->log_format;
-    log_setup(asked != NULL ? *asked : self->now.site->service.log_format);
 }
 
 static int load(live* self)
 {
-    char error[CONFIG_ERROR_SIZE];
     const setup_def def = make_def(self);
-    int code = setup_load(&self->now, &def, error);
+    int code = start_load(&self->now, &def, self->options, NAME);
     if (code != 0) {
-        return fail(code, error);
-    }
-    realtime_prepare(&self->now.site->service);
-    open_log(self);
-    if (!log_start()) {
-        return fail(EXIT_OS, "the system refused a thread for the log, expected a higher "
-                             "LimitNPROC or TasksMax");
+        return code;
     }
     if (self->options->floating_corrected) {
         log_event(LOG_WARNING, "floating_corrected", "when=start");
     }
+    char error[CONFIG_ERROR_SIZE];
     code = setup_plan(&self->now, &def, error);
     return code == 0 ? 0 : fail(code, error);
 }
@@ -154,7 +131,7 @@ static int open_own(transport** bus, const live* self, const char* url, unsigned
 {
     char error[CONFIG_ERROR_SIZE];
     transport_options options = self->now.site->bus_options.transport;
-    options.log = log_complaint;
+    options.log = start_complaint;
     if (url[0] == '\0') {
         return 0;
     }
@@ -264,7 +241,6 @@ static int start(live* self)
 
 static bool on_signals(live* self);
 static void receive(live* self);
-static void on_reload_over(live* self);
 static void on_tick(live* self);
 static void on_second(live* self);
 
@@ -289,7 +265,8 @@ static void loop(live* self)
         if (on_signals(self)) {
             return;
         }
-        on_reload_over(self);
+        // An accepted configuration waits for apply_next().
+        (void)reloader_over(&self->reloader, &self->notify);
         receive(self);
         on_tick(self);
         on_second(self);
@@ -607,15 +584,13 @@ static void log_statistics(const live* self)
 
 // ---- signals, new configuration -----------------------------------------------------------
 
-static uint64_t ask_reload(live* self);
-
 /// True: the daemon has to stop.
 static bool on_signals(live* self)
 {
     for (;;) {
         switch (signals_next(self->signal_fd)) {
         case 0: return false;
-        case SIGHUP: ask_reload(self); break;
+        case SIGHUP: reloader_begin(&self->reloader, &self->notify); break;
         case SIGUSR1: log_statistics(self); break;
         case SIGTERM: log_event(LOG_INFO, "stopping", "signal=SIGTERM"); return true;
         default: log_event(LOG_INFO, "stopping", "signal=SIGINT"); return true;
@@ -623,38 +598,10 @@ static bool on_signals(live* self)
     }
 }
 
-static uint64_t ask_reload(live* self)
-{
-    char reloading[64];
-    snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
-             clock_us(CLOCK_MONOTONIC));
-    notify_send(&self->notify, reloading);
-    return reloader_ask(&self->reloader);
-}
-
 static reload_result reload(void* context, uint64_t* ticket, const char** reason)
 {
     live* self = context;
-    *ticket = *ticket == 0 ? ask_reload(self) : *ticket;
-    *reason = self->reloader.error;
-    return reloader_answer(&self->reloader, *ticket);
-}
-
-static void notify_settled(live* self)
-{
-    if (reloader_settled(&self->reloader)) {
-        notify_send(&self->notify, "READY=1");
-    }
-}
-
-/// An accepted configuration waits for apply_next(); a refused one is logged.
-static void on_reload_over(live* self)
-{
-    if (reloader_collect(&self->reloader) == RELOAD_REFUSED) {
-        log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
-                  self->now.site->config_crc32, log_words(self->reloader.error));
-        notify_settled(self);
-    }
+    return reloader_serve(&self->reloader, &self->notify, ticket, reason);
 }
 
 /// Between two cycles: the accepted configuration takes effect. The new unit begins without a plan;
@@ -671,10 +618,8 @@ static void apply_next(live* self)
     if (self->now.site->cycle_ms != period) {
         timer_arm(self->cycle_fd, self->now.site->cycle_ms);
     }
-    open_log(self);
-    log_event(LOG_INFO, "config_applied", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
-              self->now.site->config_crc32, self->now.site->map_crc32, self->now.site->cycle_ms);
-    notify_settled(self);
+    start_log_format(self->options, self->now.site);
+    reloader_applied(&self->reloader, &self->notify);
 }
 
 // ---- stop ---------------------------------------------------------------------------------

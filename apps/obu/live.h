@@ -8,19 +8,12 @@
 
 #include "config.h"
 
-#include "daemon/log.h"
+#include "daemon/start.h"
 
 #include <stdint.h>
 
-typedef struct obu_options {
-    const char* config_path;
-    const log_format* log_format;   ///< null: the configuration's
-    bool        floating_corrected; ///< at the start of the process; it is logged
-    int64_t     cycles;             ///< stop after this many; 0: run until a signal
-} obu_options;
-
 /// Runs until SIGTERM, SIGINT or the last of options->cycles. Returns the exit code of the process.
-int obu_run(const obu_options* options);
+int obu_run(const start_options* options);
 
 /// Makes the unit of a configuration, for setup_def.make and --check-config. Returns 0, EXIT_CONFIG
 /// or EXIT_OS with a line in error.

@@ -6,51 +6,31 @@
 #include "common/options.h"
 #include "common/road_report.h"
 #include "daemon/check.h"
+#include "daemon/start.h"
 
 #include <errno.h>
 #include <inttypes.h>
 #include <string.h>
 
-typedef struct arguments {
-    const char* config_path;
-    const char* cycles_text;
-    const char* level_text;
-    const char* format_text;
-    log_format  format;
-    bool        check;
-    bool        print;
-    uint64_t    cycles;
-} arguments;
 
-static int  read_arguments(arguments* args, int argc, char** argv);
-static bool ends_here(const arguments* args, int* status);
+static int  read_arguments(start_arguments* args, int argc, char** argv);
+static bool ends_here(const start_arguments* args, int* status);
 
 int main(int argc, char** argv)
 {
-    arguments args;
+    start_arguments args;
     memset(&args, 0, sizeof args);
     const bool floating_corrected = floating_correct(); // before the first number is read
     int status = read_arguments(&args, argc, argv);
     if (status != 0 || args.config_path == NULL || ends_here(&args, &status)) {
         return status;
     }
-    const obu_options options = {
-        .config_path = args.config_path,
-        .log_format = args.format_text != NULL ? &args.format : NULL,
-        .floating_corrected = floating_corrected,
-        .cycles = (int64_t)args.cycles,
-    };
+    const start_options options = start_options_from(&args, floating_corrected);
     return obu_run(&options);
 }
 
-static int usage_error(const char* option, const char* text)
-{
-    fprintf(stderr, "verge-obu:%s: %s\n", option, text);
-    return EXIT_USAGE;
-}
-
 /// Returns 0 or an exit code. 0 without a config path: help or version was printed.
-static int read_arguments(arguments* args, int argc, char** argv)
+static int read_arguments(start_arguments* args, int argc, char** argv)
 {
     const option_entry table[] = {
         { "--config", "OBU.json", "the configuration; required", &args->config_path, NULL },
@@ -71,34 +51,11 @@ static int read_arguments(arguments* args, int argc, char** argv)
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,
     };
-    int status = 0;
-    if (!options_parse(&self, argc, argv, NULL, &status)) {
-        args->config_path = NULL;
-        return status;
-    }
-    if (args->config_path == NULL) {
-        return usage_error("--config", "missing, see --help");
-    }
-    bool given = false;
-    if (!options_u64(&self, "--cycles", args->cycles_text, &args->cycles, &given)) {
-        return EXIT_USAGE;
-    }
-    if (given && (args->cycles == 0 || args->cycles > INT32_MAX)) {
-        return usage_error("--cycles", "is out of range, expected 1 to 2147483647");
-    }
-    log_level level = LOG_INFO;
-    if (args->level_text != NULL && !log_level_from(args->level_text, &level)) {
-        return usage_error("--log-level", "is unknown, expected error, warning, info or debug");
-    }
-    if (args->format_text != NULL && !log_format_from(args->format_text, &args->format)) {
-        return usage_error("--log-format", "is unknown, expected text or json");
-    }
-    log_level_set(level);
-    return 0;
+    return start_read(args, &self, argc, argv);
 }
 
 /// Prints the memory of the unit, and the road.
-static int print_unit(const arguments* args, const site* site)
+static int print_unit(const start_arguments* args, const site* site)
 {
     char  error[CONFIG_ERROR_SIZE];
     void* made = NULL;
@@ -120,7 +77,7 @@ static int print_unit(const arguments* args, const site* site)
 }
 
 /// The two buses of the vehicle itself.
-static int check_own(const arguments* args, const site* site)
+static int check_own(const start_arguments* args, const site* site)
 {
     const obu_config* config = obu_config_of(site);
     char error[CONFIG_ERROR_SIZE];
@@ -140,7 +97,7 @@ static int check_own(const arguments* args, const site* site)
 }
 
 /// --check-config and --print-config. True: done, with *status.
-static bool ends_here(const arguments* args, int* status)
+static bool ends_here(const start_arguments* args, int* status)
 {
     char error[CONFIG_ERROR_SIZE];
     site* site = NULL;

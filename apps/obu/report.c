@@ -128,23 +128,7 @@ static void add_vehicle(text* out, const obu_report* from, const verge_scene* sc
     const verge_vehicle* vehicle = &scene->vehicles[i];
     const verge_vehicle_plan_t* plan =
         leader_plan_of(unit_leader(from->unit), vehicle->id, scene->utime);
-    text_add(out, "{\"id\":%" PRId32 ",\"controlled\":%s,\"age_ms\":0,\"lane\":%" PRId32,
-             vehicle->id, vehicle->controlled ? "true" : "false", scene->positions[i].lane_id);
-    text_add(out, ",\"target_lane\":%" PRId32 ",\"x\":", vehicle->target_lane);
-    text_add_double(out, vehicle->x);
-    text_add(out, ",\"y\":");
-    text_add_double(out, vehicle->y);
-    text_add(out, ",\"heading\":");
-    text_add_double(out, vehicle->heading);
-    text_add(out, ",\"speed\":");
-    text_add_double(out, vehicle->speed);
-    text_add(out, ",\"plan\":");
-    if (plan != NULL) {
-        text_add_string(out, message_plan_status(plan->status));
-    } else {
-        text_add(out, "null");
-    }
-    text_add(out, "}");
+    page_vehicle_json(out, vehicle, 0, scene->positions[i].lane_id, plan);
 }
 
 void obu_report_vehicles(text* out, const obu_report* from)
@@ -180,19 +164,6 @@ static void add_labelled(text* out, const char* name, const char* label, const c
     }
 }
 
-static void add_cycle_times(text* out, const timing* time)
-{
-    const struct { const char* stat; uint32_t us; } rows[] = {
-        { "last", time->last }, { "p99", timing_p99(time) }, { "max", time->max },
-    };
-    page_head(out, "verge_cycle_seconds", "gauge",
-              "Time of a cycle: the last, the 99th percentile of the last 1024, the longest.");
-    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        text_add(out, "verge_cycle_seconds{stat=\"%s\"} %.6f\n", rows[i].stat,
-                 (double)rows[i].us * 1e-6);
-    }
-}
-
 void obu_report_metrics(text* out, const obu_report* from)
 {
     const unit_view view = unit_look(from->unit);
@@ -223,7 +194,9 @@ void obu_report_metrics(text* out, const obu_report* from)
     add_labelled(out, "verge_rx_total", "result", "Vehicle states received, by result.", states,
                  STATE_RESULTS);
     page_strangers(out, &from->bus);
-    add_cycle_times(out, from->cycle_time);
+    page_cycle_times(out, "Time of a cycle: the last, the 99th percentile of the last 1024, the "
+                     "longest.", from->cycle_time->last, timing_p99(from->cycle_time),
+                     from->cycle_time->max);
     page_value(out, "verge_deadline_misses_total", "counter", "Ticks without a trajectory in time.",
                (int64_t)from->deadline_misses);
     page_value(out, "verge_log_dropped_total", "counter",

@@ -20,6 +20,7 @@
 #include "daemon/realtime.h"
 #include "daemon/recorder.h"
 #include "daemon/reload.h"
+#include "daemon/start.h"
 #include "daemon/worker.h"
 
 #include <errno.h>
@@ -40,6 +41,8 @@ enum {
     LOG_PATIENCE_US = 200000,
     FAIL_PATIENCE_US = 5000000, // for the reason of a start that has failed
 };
+
+static const char NAME[] = "verge-rsu";
 
 typedef struct live {
     const live_options* options;
@@ -155,12 +158,6 @@ static void check_patience(const live* self)
     }
 }
 
-static void open_log(const live* self)
-{
-    const log_format* asked = self->options->log_format;
-    log_setup(asked != NULL ? *asked : self->now.site->service.log_format);
-}
-
 /// Logged once, because whatever changes the mode usually does so again and again.
 static void log_correction(live* self, const char* when)
 {
@@ -172,38 +169,23 @@ static void log_correction(live* self, const char* when)
     }
 }
 
-/// Complaints of a bus: refused senders with the reason, errors of its middleware.
-static void log_complaint(void* context, const char* line)
-{
-    (void)context;
-    char words[384];
-    snprintf(words, sizeof words, "%s", line);
-    log_event(LOG_WARNING, "bus_complaint", "words=\"%s\"", log_words(words));
-}
-
 static setup_def make_def(const live* self)
 {
-    return (setup_def){ .path = self->options->config_path, .site = &CONFIG_DEF,
-                        .bus_use = CONFIG_BUS_USE, .log = log_complaint };
+    return (setup_def){ .path = self->options->start.config_path, .site = &CONFIG_DEF,
+                        .bus_use = CONFIG_BUS_USE, .log = start_complaint };
 }
 
 static int load(live* self)
 {
-    char error[CONFIG_ERROR_SIZE];
     const setup_def def = make_def(self);
-    int code = setup_load(&self->now, &def, error);
+    int code = start_load(&self->now, &def, &self->options->start, NAME);
     if (code != 0) {
-        return fail(code, error);
+        return code;
     }
-    realtime_prepare(&self->now.site->service);
-    open_log(self);
-    if (!log_start()) {
-        return fail(EXIT_OS, "the system refused a thread for the log, expected a higher "
-                             "LimitNPROC or TasksMax");
-    }
-    if (self->options->floating_corrected) {
+    if (self->options->start.floating_corrected) {
         log_correction(self, "start");
     }
+    char error[CONFIG_ERROR_SIZE];
     code = setup_plan(&self->now, &def, error);
     return code == 0 ? 0 : fail(code, error);
 }
@@ -273,13 +255,9 @@ static int open_operators(live* self)
     return realtime_lock(service, error, sizeof error) ? 0 : fail(EXIT_OS, error);
 }
 
-/// Prints one line, not in the format of the log, and returns the code.
 static int fail(int code, const char* line)
 {
-    char text[CONFIG_ERROR_SIZE + 16];
-    snprintf(text, sizeof text, "verge-rsu: %s", line);
-    log_plain(text);
-    return code;
+    return start_fail(NAME, code, line);
 }
 
 // ---- the loop -----------------------------------------------------------------------------
@@ -296,7 +274,7 @@ static void announce(live* self);
 
 static void loop(live* self)
 {
-    const int64_t limit = self->options->cycles;
+    const int64_t limit = self->options->start.cycles;
     for (;;) {
         struct pollfd ends[OWN_ENDS + SITE_BUSES_MAX + OPERATORS_ENDS] = {
             { .fd = self->signal_fd, .events = POLLIN },
@@ -523,7 +501,7 @@ static void on_tick(live* self)
         send_overrun(self);
         return;
     }
-    if (self->options->cycles > 0 && self->cycle_count >= self->options->cycles) {
+    if (self->options->start.cycles > 0 && self->cycle_count >= self->options->start.cycles) {
         return;
     }
     apply_next(self);
@@ -679,15 +657,13 @@ static void answer_metrics(void* context, text* page)
 
 // ---- signals, new configuration -----------------------------------------------------------
 
-static uint64_t ask_reload(live* self);
-
 /// True: the daemon has to stop.
 static bool on_signals(live* self)
 {
     for (;;) {
         switch (signals_next(self->signal_fd)) {
         case 0: return false;
-        case SIGHUP: ask_reload(self); break;
+        case SIGHUP: reloader_begin(&self->reloader, &self->notify); break;
         case SIGUSR1: monitor_log_statistics(&self->monitor, instant_now()); break;
         case SIGTERM: log_event(LOG_INFO, "stopping", "signal=SIGTERM"); return true;
         default: log_event(LOG_INFO, "stopping", "signal=SIGINT"); return true;
@@ -695,39 +671,17 @@ static bool on_signals(live* self)
     }
 }
 
-/// Begins a reload, or asks for one more after the reload that is running.
-static uint64_t ask_reload(live* self)
-{
-    char reloading[64];
-    snprintf(reloading, sizeof reloading, "RELOADING=1\nMONOTONIC_USEC=%" PRId64,
-             clock_us(CLOCK_MONOTONIC));
-    notify_send(&self->notify, reloading);
-    return reloader_ask(&self->reloader);
-}
-
 static reload_result reload(void* context, uint64_t* ticket, const char** reason)
 {
     live* self = context;
-    *ticket = *ticket == 0 ? ask_reload(self) : *ticket;
-    *reason = self->reloader.error;
-    return reloader_answer(&self->reloader, *ticket);
+    return reloader_serve(&self->reloader, &self->notify, ticket, reason);
 }
 
-static void notify_settled(live* self)
-{
-    if (reloader_settled(&self->reloader)) {
-        notify_send(&self->notify, "READY=1");
-    }
-}
-
-/// An accepted configuration waits for apply_next(); a refused one is logged.
+/// An accepted configuration waits for apply_next(); a refused one is a fault.
 static void on_reload_over(live* self)
 {
-    if (reloader_collect(&self->reloader) == RELOAD_REFUSED) {
-        log_event(LOG_ERROR, "config_refused", "kept=0x%08x reason=\"%s\"",
-                  self->now.site->config_crc32, log_words(self->reloader.error));
+    if (reloader_over(&self->reloader, &self->notify)) {
         status_fault(&self->status, RSU_FAULT_CONFIG, 0, true);
-        notify_settled(self);
     }
 }
 
@@ -757,12 +711,9 @@ static void apply_next(live* self)
         timer_arm(self->cycle_fd, self->now.site->cycle_ms);
         check_patience(self);
     }
-    open_log(self);
+    start_log_format(&self->options->start, self->now.site);
     status_fault_clear(&self->status, RSU_FAULT_CONFIG);
-    log_event(LOG_INFO, "config_applied", "config_crc32=0x%08x map_crc32=0x%08x cycle_ms=%u",
-              self->now.site->config_crc32, self->now.site->map_crc32,
-              self->now.site->cycle_ms);
-    notify_settled(self);
+    reloader_applied(&self->reloader, &self->notify);
 }
 
 // ---- stop ---------------------------------------------------------------------------------

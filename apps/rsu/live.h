@@ -8,19 +8,16 @@
 #ifndef VERGE_RSU_LIVE_H
 #define VERGE_RSU_LIVE_H
 
-#include "daemon/log.h"
+#include "daemon/start.h"
 
 #include <stdint.h>
 
 typedef struct live_options {
-    const char* config_path;
-    const char* record_path; ///< null: no recording
-    const log_format* log_format; ///< null: the configuration's
-    bool        floating_corrected; ///< at the start of the process; it is logged
-    int64_t     cycles;      ///< stop after this many; 0: run until a signal
+    start_options start;
+    const char*   record_path; ///< null: no recording
 } live_options;
 
-/// Runs until SIGTERM, SIGINT or the last of options->cycles. Returns the exit code of the process.
+/// Runs until SIGTERM, SIGINT or the last of options->start.cycles. Returns the exit code of the process.
 int live_run(const live_options* options);
 
 #endif

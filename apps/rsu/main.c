@@ -7,23 +7,16 @@
 #include "common/floating.h"
 #include "common/options.h"
 #include "daemon/check.h"
-#include "daemon/log.h"
+#include "daemon/start.h"
 
 #include <errno.h>
 #include <inttypes.h>
 #include <string.h>
 
 typedef struct arguments {
-    const char* config_path;
-    const char* record_path;
-    const char* replay_path;
-    const char* cycles_text;
-    const char* level_text;
-    const char* format_text;
-    log_format  format;
-    bool        check;
-    bool        print;
-    uint64_t    cycles;
+    start_arguments start;
+    const char*     record_path;
+    const char*     replay_path;
 } arguments;
 
 static int  read_arguments(arguments* args, int argc, char** argv);
@@ -36,43 +29,34 @@ int main(int argc, char** argv)
     memset(&args, 0, sizeof args);
     const bool floating_corrected = floating_correct(); // before the first number is read
     int status = read_arguments(&args, argc, argv);
-    if (status != 0 || args.config_path == NULL) {
+    if (status != 0 || args.start.config_path == NULL) {
         return status;
     }
     if (ends_here(&args, &status)) {
         return status;
     }
     const live_options options = {
-        .config_path = args.config_path,
+        .start = start_options_from(&args.start, floating_corrected),
         .record_path = args.record_path,
-        .log_format = args.format_text != NULL ? &args.format : NULL,
-        .floating_corrected = floating_corrected,
-        .cycles = (int64_t)args.cycles,
     };
     return live_run(&options);
-}
-
-static int usage_error(const char* option, const char* text)
-{
-    fprintf(stderr, "verge-rsu:%s: %s\n", option, text);
-    return EXIT_USAGE;
 }
 
 /// Returns 0 or an exit code. 0 without a config path: help or version was printed.
 static int read_arguments(arguments* args, int argc, char** argv)
 {
     const option_entry table[] = {
-        { "--config", "RSU.json", "the configuration; required", &args->config_path, NULL },
+        { "--config", "RSU.json", "the configuration; required", &args->start.config_path, NULL },
         { "--check-config", NULL, "checks it, prints the memory it needs, and ends", NULL,
-          &args->check },
-        { "--print-config", NULL, "prints it with every default, and ends", NULL, &args->print },
-        { "--cycles", "N", "stops after N planning cycles", &args->cycles_text, NULL },
+          &args->start.check },
+        { "--print-config", NULL, "prints it with every default, and ends", NULL, &args->start.print },
+        { "--cycles", "N", "stops after N planning cycles", &args->start.cycles_text, NULL },
         { "--record", "LOG", "records states, cycles and plans", &args->record_path, NULL },
         { "--replay", "LOG", "plans the states of a log, prints one line per cycle",
           &args->replay_path, NULL },
-        { "--log-level", "LEVEL", "error, warning, info or debug", &args->level_text, NULL },
+        { "--log-level", "LEVEL", "error, warning, info or debug", &args->start.level_text, NULL },
         { "--log-format", "FORMAT", "text or json, instead of log_format of the configuration",
-          &args->format_text, NULL },
+          &args->start.format_text, NULL },
     };
     const program self = {
         .name = "verge-rsu",
@@ -83,30 +67,7 @@ static int read_arguments(arguments* args, int argc, char** argv)
         .option_count = sizeof table / sizeof table[0],
         .usage_status = EXIT_USAGE,
     };
-    int status = 0;
-    if (!options_parse(&self, argc, argv, NULL, &status)) {
-        args->config_path = NULL;
-        return status;
-    }
-    if (args->config_path == NULL) {
-        return usage_error("--config", "missing, see --help");
-    }
-    bool given = false;
-    if (!options_u64(&self, "--cycles", args->cycles_text, &args->cycles, &given)) {
-        return EXIT_USAGE;
-    }
-    if (given && (args->cycles == 0 || args->cycles > INT32_MAX)) {
-        return usage_error("--cycles", "is out of range, expected 1 to 2147483647");
-    }
-    log_level level = LOG_INFO;
-    if (args->level_text != NULL && !log_level_from(args->level_text, &level)) {
-        return usage_error("--log-level", "is unknown, expected error, warning, info or debug");
-    }
-    if (args->format_text != NULL && !log_format_from(args->format_text, &args->format)) {
-        return usage_error("--log-format", "is unknown, expected text or json");
-    }
-    log_level_set(level);
-    return 0;
+    return start_read(&args->start, &self, argc, argv);
 }
 
 /// Does everything except running the daemon: --check-config, --print-config, --replay, and a log:
@@ -115,7 +76,7 @@ static bool ends_here(const arguments* args, int* status)
 {
     char error[CONFIG_ERROR_SIZE];
     site* site = NULL;
-    *status = site_load(&site, &CONFIG_DEF, args->config_path, error);
+    *status = site_load(&site, &CONFIG_DEF, args->start.config_path, error);
     if (*status != 0) {
         fprintf(stderr, "%s%s", error, strchr(error, '\n') != NULL ? "" : "\n");
         return true;
@@ -125,13 +86,13 @@ static bool ends_here(const arguments* args, int* status)
     const char* log_path = args->replay_path != NULL ? args->replay_path
                            : from_log                ? site->bus[0] + sizeof scheme - 1
                                                      : NULL;
-    const bool ends = args->check || args->print || log_path != NULL;
-    if (args->print) {
+    const bool ends = args->start.check || args->start.print || log_path != NULL;
+    if (args->start.print) {
         site_print(site, &CONFIG_DEF, stdout);
     }
-    if (args->check) {
-        *status = check_site(site, CONFIG_BUS_USE, args->config_path, args->print);
-    } else if (!args->print && log_path != NULL) {
+    if (args->start.check) {
+        *status = check_site(site, CONFIG_BUS_USE, args->start.config_path, args->start.print);
+    } else if (!args->start.print && log_path != NULL) {
         *status = run_replay(args, config_of(site), log_path);
     }
     site_free(site);
@@ -150,7 +111,7 @@ static int run_replay(const arguments* args, const config* config, const char* l
         .log_path = log_path,
         .record_path = args->record_path,
         .out = stdout,
-        .cycles = (int64_t)args->cycles,
+        .cycles = (int64_t)args->start.cycles,
     };
     const int status = replay_run(&options, config, &report, error);
     if (status != 0) {

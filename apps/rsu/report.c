@@ -117,28 +117,11 @@ static const verge_vehicle_plan_t* plan_of(const cycle* cycle, int32_t vehicle_i
 static void add_vehicle(text* out, const cycle* cycle, uint32_t index)
 {
     const verge_vehicle* vehicle = &cycle->view.vehicles[index];
-    const verge_vehicle_plan_t* plan = plan_of(cycle, vehicle->id);
     const verge_lane_position on = verge_road_project(
         verge_planner_road(cycle->def.planner), vehicle->x, vehicle->y, vehicle->heading,
         VERGE_NO_LANE);
-    text_add(out, "{\"id\":%" PRId32 ",\"controlled\":%s,\"age_ms\":%" PRId64 ",\"lane\":%" PRId32,
-             vehicle->id, vehicle->controlled ? "true" : "false",
-             (cycle->utime - cycle->view.state_utime[index]) / 1000, on.lane_id);
-    text_add(out, ",\"target_lane\":%" PRId32 ",\"x\":", vehicle->target_lane);
-    text_add_double(out, vehicle->x);
-    text_add(out, ",\"y\":");
-    text_add_double(out, vehicle->y);
-    text_add(out, ",\"heading\":");
-    text_add_double(out, vehicle->heading);
-    text_add(out, ",\"speed\":");
-    text_add_double(out, vehicle->speed);
-    text_add(out, ",\"plan\":");
-    if (plan != NULL) {
-        text_add_string(out, message_plan_status(plan->status));
-    } else {
-        text_add(out, "null");
-    }
-    text_add(out, "}");
+    const int64_t age_ms = (cycle->utime - cycle->view.state_utime[index]) / 1000;
+    page_vehicle_json(out, vehicle, age_ms, on.lane_id, plan_of(cycle, vehicle->id));
 }
 
 void report_vehicles(text* out, const cycle* cycle)
@@ -169,21 +152,6 @@ static void add_faults(text* out, uint32_t faults)
     for (int32_t fault = RSU_FAULT_NONE + 1; fault < RSU_FAULT_COUNT; fault++) {
         text_add(out, "verge_fault_active{fault=\"%s\"} %u\n", message_rsu_fault(fault),
                  faults >> fault & 1u);
-    }
-}
-
-static void add_cycle_times(text* out, const verge_rsu_status_t* status)
-{
-    const struct { const char* stat; int32_t us; } rows[] = {
-        { "last", status->cycle_us_last },
-        { "p99", status->cycle_us_p99 },
-        { "max", status->cycle_us_max },
-    };
-    page_head(out, "verge_cycle_seconds", "gauge",
-         "Time of a planning cycle: the last, the 99th percentile of the last 1024, the longest.");
-    for (unsigned i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        text_add(out, "verge_cycle_seconds{stat=\"%s\"} %.6f\n", rows[i].stat,
-                 (double)rows[i].us * 1e-6);
     }
 }
 
@@ -253,7 +221,9 @@ void report_metrics(text* out, const report_input* from)
            status->vehicles_seen);
     page_value(out, "verge_vehicles_controlled", "gauge", "Of the vehicles seen, those planned.",
            status->vehicles_controlled);
-    add_cycle_times(out, status);
+    page_cycle_times(out, "Time of a planning cycle: the last, the 99th percentile of the last 1024, "
+                     "the longest.", (uint32_t)status->cycle_us_last,
+                     (uint32_t)status->cycle_us_p99, (uint32_t)status->cycle_us_max);
     page_value(out, "verge_deadline_misses_total", "counter",
                "Ticks at which the planner was still running.", status->deadline_misses);
     page_value(out, "verge_plans_sent_total", "counter", "Plans sent, without cancellations.",

@@ -5,6 +5,7 @@
 #include "verge/wire.h"
 
 #include <math.h>
+#include <string.h>
 
 static verge_habit_kind habit_kind_of(const verge_vehicle* vehicle)
 {
@@ -37,4 +38,27 @@ verge_lane_signal_t signal_message(const verge_signal* signal, int64_t utime, ui
         .protocol_version = WIRE_PROTOCOL_VERSION,
         .map_crc32 = (int32_t)map_crc32,
     };
+}
+
+verge_vehicle_plan trajectory_plan(const verge_vehicle_trajectory_t* message)
+{
+    verge_vehicle_plan plan;
+    memset(&plan, 0, sizeof plan);
+    plan.vehicle_id = message->vehicle_id;
+    plan.status = (verge_plan_status)message->status;
+    plan.reason = (verge_reason)message->reason;
+    plan.point_count = wire_points_from_trajectory(message, plan.points);
+    plan.cost = (verge_cost){ NAN, NAN, NAN, NAN, NAN, NAN, NAN };
+    plan.action_count = 1;
+    plan.actions[0] = (verge_action_step){
+        .action = (verge_action)message->action,
+        .lane_id = message->lane,
+        .t1 = plan.points[plan.point_count - 1].t,
+        .s = NAN, .d = NAN, .v = NAN, .distance = NAN,
+        .brake_light = message->brake_light != 0,
+        .turn_signal = message->turn_signal,
+        .ahead_id = -1,
+        .behind_id = -1,
+    };
+    return plan;
 }

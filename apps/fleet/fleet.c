@@ -227,39 +227,6 @@ static void run_cycle(fleet* self)
     }
 }
 
-/// The trajectory as a plan of the world's vehicle.
-static verge_vehicle_plan plan_of(const verge_vehicle_trajectory_t* from)
-{
-    verge_vehicle_plan plan = {
-        .vehicle_id = from->vehicle_id,
-        .utime = from->utime - epoch,
-        .status = (verge_plan_status)from->status,
-        .reason = (verge_reason)from->reason,
-        .why = { (verge_why)from->why, from->why_vehicle, from->why_lane, 0 },
-        .change_lane_id = VERGE_NO_LANE,
-        .action_count = 1,
-        .point_count = (uint32_t)from->point_count,
-    };
-    const double dt = from->dt_ms / 1000.0;
-    plan.actions[0] = (verge_action_step){
-        .action = (verge_action)from->action, .lane_id = from->lane,
-        .t1 = dt * from->point_count, .brake_light = from->brake_light != 0,
-        .turn_signal = from->turn_signal, .ahead_id = -1, .behind_id = -1,
-    };
-    for (uint32_t i = 0; i < plan.point_count; i++) {
-        const verge_plan_point_t* point = &from->points[i];
-        const bool last = i + 1 == plan.point_count;
-        const double now = (double)point->acceleration;
-        plan.points[i] = (verge_point){
-            .t = dt * i, .x = point->x, .y = point->y, .heading = (double)point->heading,
-            .speed = (double)point->speed, .acceleration = now,
-            .curvature = (double)point->curvature,
-            .jerk = last ? 0.0 : ((double)point[1].acceleration - now) / dt,
-        };
-    }
-    return plan;
-}
-
 static void note_mode(fleet* self, uint32_t i, const verge_vehicle_trajectory_t* made)
 {
     self->units[i].followed_cycle = made->mode == WIRE_FOLLOWING ? made->followed_cycle : -1;
@@ -305,8 +272,8 @@ void fleet_tick(fleet* self)
         verge_vehicle_trajectory_t made;
         if (is_here(self, self->units[i].vehicle_id)
             && unit_cycle(self->units[i].unit, now_of(self), &made)) {
-            const verge_vehicle_plan plan = plan_of(&made);
-            world_follow(self->world, &plan, (double)plan.utime * 1e-6);
+            const verge_vehicle_plan plan = trajectory_plan(&made);
+            world_follow(self->world, &plan, (double)(made.utime - epoch) * 1e-6);
             note_mode(self, i, &made);
             repeat_result again;
             (void)unit_repeat(self->units[i].unit, &again);

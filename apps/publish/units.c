@@ -1,6 +1,8 @@
 /// See units.h.
 #include "units.h"
 
+#include "common/state_message.h"
+
 #include "verge/wire.h"
 
 #include <inttypes.h>
@@ -9,7 +11,6 @@
 
 typedef struct span span;
 static uint32_t           index_of(const world* world, int32_t id);
-static verge_vehicle_plan trajectory_of(const verge_vehicle_trajectory_t* message);
 static units_verdict      judged(const world_vehicle* vehicle, double now, const span* valid,
                                  const verge_vehicle_plan* trajectory);
 static void               tell(units* self, const world* world, uint32_t index);
@@ -58,7 +59,7 @@ units_verdict units_hear(units* self, world* world, const verge_vehicle_trajecto
         return UNITS_IGNORED;
     }
     units_one*               unit = &self->each[index];
-    const verge_vehicle_plan trajectory = trajectory_of(message);
+    const verge_vehicle_plan trajectory = trajectory_plan(message);
     const span               valid = span_of(self, message, &trajectory);
     const bool               newer = message->utime > unit->utime ||
                        (message->utime == unit->utime && message->sequence > unit->sequence);
@@ -115,31 +116,6 @@ static units_verdict judged(const world_vehicle* vehicle, double now, const span
         return UNITS_EARLY;
     }
     return is_far(&vehicle->state, at - now, &point) ? UNITS_FAR : UNITS_DRIVEN;
-}
-
-/// The message as a plan: its points, and its present action until their end. Quantities that the
-/// message lacks are NaN.
-static verge_vehicle_plan trajectory_of(const verge_vehicle_trajectory_t* message)
-{
-    verge_vehicle_plan plan;
-    memset(&plan, 0, sizeof plan);
-    plan.vehicle_id = message->vehicle_id;
-    plan.status = (verge_plan_status)message->status;
-    plan.reason = (verge_reason)message->reason;
-    plan.point_count = wire_points_from_trajectory(message, plan.points);
-    plan.cost = (verge_cost){ NAN, NAN, NAN, NAN, NAN, NAN, NAN };
-    plan.action_count = 1;
-    plan.actions[0] = (verge_action_step){
-        .action = (verge_action)message->action,
-        .lane_id = message->lane,
-        .t1 = plan.points[plan.point_count - 1].t,
-        .s = NAN, .d = NAN, .v = NAN, .distance = NAN,
-        .brake_light = message->brake_light != 0,
-        .turn_signal = message->turn_signal,
-        .ahead_id = -1,
-        .behind_id = -1,
-    };
-    return plan;
 }
 
 void units_tick(units* self, const world* world)

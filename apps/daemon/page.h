@@ -23,11 +23,11 @@ void page_labelled(text* out, const char* name, const char* label, const char* k
 void page_strangers(text* out, const transport_stats* bus);
 void page_strangers_json(text* out, const transport_stats* bus);
 
-/// The metric verge_cycle_seconds: the last cycle, the 99th percentile of the last 1024, the longest
-/// [us].
+/// The metric verge_cycle_seconds, from times in [us]: of the last cycle, the 99th percentile of the
+/// last 1024, the longest.
 void page_cycle_times(text* out, const char* help, uint32_t last, uint32_t p99, uint32_t max);
 
-/// A vehicle as an element of "vehicles". lane: id, or VERGE_NO_LANE; plan: null, or its valid plan.
+/// A vehicle as an element of "vehicles". lane: id, or VERGE_NO_LANE; plan: null, or its valid one.
 void page_vehicle_json(text* out, const verge_vehicle* vehicle, int64_t age_ms, int32_t lane,
                        const verge_vehicle_plan_t* plan);
 

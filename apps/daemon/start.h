@@ -24,7 +24,8 @@ typedef struct start_arguments {
 } start_arguments;
 
 /// Reads the command line with the table of `self`, and the texts that all daemons have; sets the
-/// level of the log. Returns 0 or an exit code. 0 without a config path: help or version was printed.
+/// level of the log. Returns 0 or an exit code; 0 without a config path: help or version was
+/// printed.
 int start_read(start_arguments* args, const program* self, int argc, char** argv);
 
 /// How a daemon runs.
@@ -42,8 +43,8 @@ int  start_fail(const char* name, int code, const char* line);
 
 /// Sets the format of the log: that of the command line, or else of the configuration.
 void start_log_format(const start_options* options, const site* site);
-/// Reads the configuration and starts the log, whose thread inherits the signals blocked. Returns 0,
-/// or an exit code after a line of start_fail().
+/// Reads the configuration and starts the log. Returns 0, or an exit code after a line of
+/// start_fail().
 int  start_load(setup* now, const setup_def* def, const start_options* options, const char* name);
 
 /// Logs a complaint of a bus: a refused sender with the reason, an error of its middleware. For

@@ -21,7 +21,7 @@ typedef struct flying_plan {
 
 struct fleet {
     world*        world;
-    fleet_faults  faults;
+    fleet_options  faults;
     uint32_t      map_crc32;
     cycle         cycle;       // of the roadside unit
     int64_t       cycle_count;
@@ -70,7 +70,7 @@ static bool open_units(fleet* self, char* error, size_t error_size)
     return true;
 }
 
-fleet* fleet_open(world* world, const fleet_faults* faults, char* error, size_t error_size)
+fleet* fleet_open(world* world, const fleet_options* faults, char* error, size_t error_size)
 {
     fleet* self = calloc(1, sizeof *self);
     if (self == NULL) {

@@ -17,14 +17,14 @@
 
 #include "common/world.h"
 
-typedef struct fleet_faults {
-    bool     without_units; ///< no fault: vehicles drive the plans as they arrive
+typedef struct fleet_options {
+    bool     without_units; ///< vehicles drive the plans as they arrive
     double   delay_s;       ///< [s] 0 .. 1
     double   loss;          ///< [1] probability that a plan is lost, 0 .. 1
     double   off_from, off_to; ///< [s] the roadside unit is absent from .. to; equal: never
     uint64_t seed;          ///< of the losses
-    bool     repeats;       ///< no fault: each unit plans the cycles of the roadside unit again
-} fleet_faults;
+    bool     repeats;       ///< each unit plans the cycles of the roadside unit again
+} fleet_options;
 
 /// A change of mode.
 typedef struct fleet_change {
@@ -41,7 +41,7 @@ enum { FLEET_CHANGES_MAX = 4096 };
 typedef struct fleet fleet;
 
 /// The world's scenario must outlive the fleet. Null: a line in error.
-fleet* fleet_open(world* world, const fleet_faults* faults, char* error, size_t error_size);
+fleet* fleet_open(world* world, const fleet_options* faults, char* error, size_t error_size);
 void   fleet_close(fleet* self); ///< null is fine
 
 /// One tick of the world: states are sent; at a cycle the roadside unit plans; plans arrive; each

@@ -86,7 +86,7 @@ const verge_vehicle_plan_t* leader_plan(const leader* self, int64_t now_utime,
 const verge_vehicle_plan_t* leader_plan_of(const leader* self, int32_t vehicle_id,
                                            int64_t now_utime);
 
-/// Forgets all plans and the roadside unit, for a clock that has stepped back. Counters stay.
+/// Forgets all plans and the roadside unit, for a clock that has stepped. Counters stay.
 void leader_forget(leader* self);
 
 #endif

@@ -474,7 +474,7 @@ static void log_incidents(live* self)
                      now.own_id_elsewhere);
     }
     if (now.clock_steps > self->counted.clock_steps) {
-        log_event(LOG_WARNING, "clock_stepped_back", "total=%" PRIu64, now.clock_steps);
+        log_event(LOG_WARNING, "clock_stepped", "total=%" PRIu64, now.clock_steps);
     }
     self->counted = now;
 }

@@ -29,7 +29,7 @@ static void counters_of(const obu_report* from, counter rows[COUNTERS])
           "States with the vehicle's own id from another bus than its own." },
         { "left_out", made.left_out, "Neighbours beyond vehicles_max, summed over the cycles." },
         { "unusable", made.unusable, "Neighbours with values that the planner refuses." },
-        { "clock_steps", made.clock_steps, "Times the clock has stepped back." },
+        { "clock_steps", made.clock_steps, "Times the clock has stepped." },
         { "plans_repeated", made.repeated, "Plans of the roadside unit planned again." },
         { "plans_repeated_same", made.repeated_same,
           "Of the plans planned again, those equal to the message, bit for bit." },

@@ -17,7 +17,8 @@ typedef struct live_options {
     const char*   record_path; ///< null: no recording
 } live_options;
 
-/// Runs until SIGTERM, SIGINT or the last of options->start.cycles. Returns the exit code of the process.
+/// Runs until SIGTERM, SIGINT or the last cycle of the options. Returns the exit code of the
+/// process.
 int live_run(const live_options* options);
 
 #endif

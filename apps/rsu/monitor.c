@@ -206,14 +206,16 @@ void monitor_log_statistics(const monitor* self, instant at)
     log_event(LOG_ALWAYS, "statistics",
               "state=%s faults=%s cycle=%d vehicles=%d controlled=%d cycle_us_p99=%d "
               "cycle_us_max=%d deadline_misses=%d plans=%d fallbacks=%d overruns=%" PRIu64
-              " cancelled=%" PRIu64 " withheld=%" PRIu64 " unusable=%" PRIu64 " refused=%" PRIu64 " reordered=%" PRIu64
+              " cancelled=%" PRIu64 " withheld=%" PRIu64 " unusable=%" PRIu64 " refused=%" PRIu64
+              " reordered=%" PRIu64
               " unstuck=%" PRIu64 " rx_accepted=%d unknown_target=%" PRIu64
               " incomplete=%" PRIu64 " bus_errors=%" PRIu64
               " arena_peak_bytes=%" PRId64 " nodes_peak=%d unexpanded=%" PRIu64,
               rsu_state_name((rsu_state)status.state), faults, status.cycle, status.vehicles_seen,
               status.vehicles_controlled, status.cycle_us_p99, status.cycle_us_max,
               status.deadline_misses, status.plans_sent, status.fallbacks, made->overruns,
-              made->cancelled, made->withheld, made->unusable, made->refused, made->reordered, made->unstuck,
+              made->cancelled, made->withheld, made->unusable, made->refused, made->reordered,
+              made->unstuck,
               status.rx_accepted, rx->unknown_target, rx->incomplete, stats.errors,
               status.arena_peak_bytes, status.nodes_peak, made->unexpanded);
 }

@@ -209,7 +209,8 @@ void report_metrics(text* out, const report_input* from)
     page_head(out, "verge_start_time_seconds", "gauge", "When the daemon was started, Unix time.");
     text_add(out, "verge_start_time_seconds %.6f\n", (double)status->start_utime * 1e-6);
     page_value(out, "verge_state", "gauge",
-               "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.", status->state);
+               "0 starting, 1 waiting for input, 2 running, 3 degraded, 4 stopping.",
+               status->state);
     page_value(out, "verge_fault", "gauge", "Worst active fault, 0 none; see verge(7).",
            status->fault);
     add_faults(out, from->faults);
@@ -221,8 +222,8 @@ void report_metrics(text* out, const report_input* from)
            status->vehicles_seen);
     page_value(out, "verge_vehicles_controlled", "gauge", "Of the vehicles seen, those planned.",
            status->vehicles_controlled);
-    page_cycle_times(out, "Time of a planning cycle: the last, the 99th percentile of the last 1024, "
-                     "the longest.", (uint32_t)status->cycle_us_last,
+    page_cycle_times(out, "Time of a planning cycle: the last, the 99th percentile of the last "
+                     "1024, the longest.", (uint32_t)status->cycle_us_last,
                      (uint32_t)status->cycle_us_p99, (uint32_t)status->cycle_us_max);
     page_value(out, "verge_deadline_misses_total", "counter",
                "Ticks at which the planner was still running.", status->deadline_misses);

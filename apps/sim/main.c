@@ -27,8 +27,8 @@ typedef struct simulation {
     uint32_t        changes; ///< of mode, already written
 } simulation;
 
-static int  run(const scenario* scene, const char* path, bool timing, const fleet_faults* faults);
-static bool read_faults(const program* self, const char* const texts[3], fleet_faults* faults);
+static int  run(const scenario* scene, const char* path, bool timing, const fleet_options* faults);
+static bool read_faults(const program* self, const char* const texts[3], fleet_options* faults);
 static bool simulate(simulation* self);
 static bool plan_cycle(simulation* self);
 static void fleet_cycle(simulation* self);
@@ -69,7 +69,7 @@ int main(int argc, char** argv)
     if (!scenario_open(&scene, &self, path, seed_text)) {
         return 2;
     }
-    fleet_faults faults = { .seed = scene.def.seed };
+    fleet_options faults = { .seed = scene.def.seed };
     status = 2;
     if (read_faults(&self, faults_text, &faults)) {
         const bool messages = units || faults_text[0] != NULL || faults_text[1] != NULL
@@ -83,7 +83,7 @@ int main(int argc, char** argv)
 
 /// The numbers of --plan-delay, --plan-loss and --rsu-off. False: one of them is wrong, one line on
 /// standard error.
-static bool read_faults(const program* self, const char* const texts[3], fleet_faults* faults)
+static bool read_faults(const program* self, const char* const texts[3], fleet_options* faults)
 {
     if (!options_number(self, "--plan-delay", texts[0], 0.0, 1.0, &faults->delay_s)
         || !options_number(self, "--plan-loss", texts[1], 0.0, 1.0, &faults->loss)) {
@@ -106,7 +106,7 @@ static bool read_faults(const program* self, const char* const texts[3], fleet_f
     return true;
 }
 
-static int run(const scenario* scene, const char* path, bool timing, const fleet_faults* faults)
+static int run(const scenario* scene, const char* path, bool timing, const fleet_options* faults)
 {
     static output     file; // static: large
     static simulation self;

@@ -27,7 +27,7 @@ typedef struct outcome {
     uint64_t repeated, same; ///< plans of the roadside unit planned again; equal bit for bit
 } outcome;
 
-static const fleet_faults none = { .delay_s = 0.0 };
+static const fleet_options none = { .delay_s = 0.0 };
 
 static void load(scenario* scene, const char* name)
 {
@@ -38,7 +38,7 @@ static void load(scenario* scene, const char* name)
     }
 }
 
-static outcome drive(const scenario* scene, const fleet_faults* faults)
+static outcome drive(const scenario* scene, const fleet_options* faults)
 {
     static world   world;
     static metrics metrics;
@@ -80,7 +80,7 @@ static outcome drive(const scenario* scene, const fleet_faults* faults)
     return out;
 }
 
-static outcome drive_shipped(const char* name, const fleet_faults* faults)
+static outcome drive_shipped(const char* name, const fleet_options* faults)
 {
     static scenario scene;
     load(&scene, name);
@@ -112,7 +112,7 @@ static void on_a_good_bus_units_repeat_each_plan_bit_for_bit(void** state)
 {
     (void)state;
     for (uint32_t i = 0; i < scene_count(); ++i) {
-        const fleet_faults repeats = { .repeats = true };
+        const fleet_options repeats = { .repeats = true };
         const outcome out = drive_shipped(SCENES[i], &repeats);
         printf("             %s: %d of %d\n", SCENES[i], (int)out.same, (int)out.repeated);
         assert_true(out.repeated > 10);
@@ -125,7 +125,7 @@ static void late_and_lost_plans_cause_no_contact(void** state)
     (void)state;
     for (uint32_t i = 0; i < scene_count(); ++i) {
         for (uint64_t seed = 1; seed <= (test_rounds_suffice() ? 3 : 1); ++seed) {
-            const fleet_faults faults = { .delay_s = 0.3, .loss = 0.2, .seed = seed };
+            const fleet_options faults = { .delay_s = 0.3, .loss = 0.2, .seed = seed };
             const outcome out = drive_shipped(SCENES[i], &faults);
             if (!out.reached) {
                 fail_msg("%s, losses of seed %d: %u contacts", SCENES[i], (int)seed,
@@ -140,7 +140,7 @@ static void without_a_roadside_unit_for_a_while_the_vehicles_drive_on(void** sta
 {
     (void)state;
     for (uint32_t i = 0; i < scene_count(); ++i) {
-        const fleet_faults faults = { .off_from = 2.0, .off_to = 7.0 };
+        const fleet_options faults = { .off_from = 2.0, .off_to = 7.0 };
         const outcome out = drive_shipped(SCENES[i], &faults);
         assert_true(out.reached);
         assert_true(out.by_mode[WIRE_ALONE] > 0);
@@ -151,7 +151,7 @@ static void without_a_roadside_unit_at_all_there_is_no_contact(void** state)
 {
     (void)state;
     for (uint32_t i = 0; i < scene_count(); ++i) {
-        const fleet_faults faults = { .off_to = 1e9 };
+        const fleet_options faults = { .off_to = 1e9 };
         const outcome out = drive_shipped(SCENES[i], &faults);
         assert_int_equal(out.collisions, 0);
         assert_int_equal(out.by_mode[WIRE_FOLLOWING], 0);
@@ -161,7 +161,7 @@ static void without_a_roadside_unit_at_all_there_is_no_contact(void** state)
 static void the_same_faults_give_the_same_run(void** state)
 {
     (void)state;
-    const fleet_faults faults = { .delay_s = 0.2, .loss = 0.3, .seed = 5 };
+    const fleet_options faults = { .delay_s = 0.2, .loss = 0.3, .seed = 5 };
     const outcome a = drive_shipped("ramp-case1", &faults);
     const outcome b = drive_shipped("ramp-case1", &faults);
     assert_memory_equal(&a.min_distance, &b.min_distance, sizeof a.min_distance);

@@ -9,6 +9,8 @@ static void signals_show(world* self);
 static void vehicle_move(world* self, world_vehicle* vehicle, const verge_vehicle* as_human);
 static void controlled_move(const world* self, world_vehicle* vehicle);
 static bool plan_drive(world_vehicle* vehicle, double time);
+static void offset_begin(world_vehicle* vehicle, double time);
+static void offset_apply(world_vehicle* vehicle, double time);
 static void path_brake(const world* self, world_vehicle* vehicle);
 static void point_drive(world_vehicle* vehicle, const verge_point* point);
 static verge_point point_between(const verge_point* a, const verge_point* b, double share);
@@ -23,6 +25,10 @@ static const double SWING_OUT = 10.0;
 static const double GENTLE_BRAKING = -2.0;
 /// The same after the last valid trajectory of its on-vehicle unit. [m/s^2]
 static const double UNIT_LOST_BRAKING = -3.0;
+/// A vehicle takes up its difference from a new plan within this time. [s]
+static const double TAKE_UP = 1.0;
+/// A smaller difference is none: numbers in messages are rounded. [m], [m/s]
+static const double SAME_PLACE = 0.05, SAME_SPEED = 0.1;
 /// A vehicle waits so long for the first trajectory of its unit. [s]
 static const double UNIT_START = 1.0;
 
@@ -122,6 +128,7 @@ void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
     vehicle->plan_time = plan_time;
     vehicle->planned = true;
     vehicle->unit = false;
+    offset_begin(vehicle, world_time(self));
     vehicle->mode = vehicle->mode != NULL ? WORLD_MODE_NONE : NULL;
 }
 
@@ -143,6 +150,7 @@ void world_drive(world* self, const verge_vehicle_plan* trajectory, double time,
         vehicle->plan_time = time;
         vehicle->planned = true;
         vehicle->unit = true;
+        vehicle->followed_from = -TAKE_UP;
         vehicle->valid_until = until;
         vehicle->along = fmax(world_time(self) - time, 0.0);
         vehicle->mode = mode;
@@ -256,8 +264,70 @@ static bool plan_drive(world_vehicle* vehicle, double time)
         return false;
     }
     vehicle->along = point.t;
+    const verge_vehicle before = vehicle->state;
     point_drive(vehicle, &point);
+    offset_apply(vehicle, time);
+    if (vehicle->state.speed < 0.0) { // would move back to the plan
+        vehicle->state.x = before.x;
+        vehicle->state.y = before.y;
+        vehicle->state.heading = before.heading;
+        vehicle->state.speed = vehicle->state.acceleration = vehicle->state.yaw_rate = 0.0;
+    }
     return true;
+}
+
+/// The offset at `t` seconds after its beginning: a quintic that ends at 0 after TAKE_UP, with no
+/// speed and no acceleration.
+static double offset_at(const world_offset* offset, double t)
+{
+    const double share = fmin(fmax(t / TAKE_UP, 0.0), 1.0), left = 1.0 - share;
+    const double p = offset->position, v = offset->speed * TAKE_UP,
+                 a = offset->acceleration * TAKE_UP * TAKE_UP;
+    return left * left * left
+           * (p + share * (3.0 * p + v + share * (6.0 * p + 3.0 * v + 0.5 * a)));
+}
+
+/// Measures where the vehicle is, seen from the plan that it begins to follow.
+static void offset_begin(world_vehicle* vehicle, double time)
+{
+    const verge_vehicle* state = &vehicle->state;
+    verge_point          at;
+    vehicle->followed_from = -TAKE_UP;
+    if (!world_point_at(&vehicle->plan, time - vehicle->plan_time, &at)) {
+        return;
+    }
+    const double x = state->x - at.x, y = state->y - at.y;
+    const double ahead = x * cos(at.heading) + y * sin(at.heading);
+    const double beside = y * cos(at.heading) - x * sin(at.heading);
+    if (hypot(x, y) < SAME_PLACE && fabs(state->speed - at.speed) < SAME_SPEED) {
+        return;
+    }
+    vehicle->followed_from = time;
+    vehicle->ahead = (world_offset){ ahead, state->speed - at.speed,
+                                     state->acceleration - at.acceleration };
+    const double turn = isnan(state->yaw_rate) ? at.speed * at.curvature : state->yaw_rate;
+    vehicle->left_of = (world_offset){ beside, state->speed * sin(state->heading - at.heading),
+                                       state->speed * turn - at.speed * at.speed * at.curvature };
+}
+
+/// Moves a vehicle that was put on its plan to where it is while it takes up its difference.
+static void offset_apply(world_vehicle* vehicle, double time)
+{
+    static const double h = 1e-3; // [s] for the slopes
+    const double t = time - vehicle->followed_from;
+    if (vehicle->followed_from < 0.0 || t >= TAKE_UP) {
+        return;
+    }
+    verge_vehicle* state = &vehicle->state;
+    const double c = cos(state->heading), s = sin(state->heading);
+    const double ahead = offset_at(&vehicle->ahead, t), beside = offset_at(&vehicle->left_of, t);
+    const double next = offset_at(&vehicle->ahead, t + h), last = offset_at(&vehicle->ahead, t - h);
+    const double drift = offset_at(&vehicle->left_of, t + h) - offset_at(&vehicle->left_of, t - h);
+    state->x += ahead * c - beside * s;
+    state->y += ahead * s + beside * c;
+    state->speed += (next - last) / (2.0 * h);
+    state->acceleration += (next - 2.0 * ahead + last) / (h * h);
+    state->heading += atan2(drift / (2.0 * h), fmax(state->speed, 1.0));
 }
 
 bool world_point_at(const verge_vehicle_plan* trajectory, double t, verge_point* point)

@@ -8,9 +8,10 @@
 ///         world_advance(&scene);
 ///     }
 ///
-/// Controlled  Follow their latest trajectory, linearly between its points. After its end, or with
-///             a cancelled plan, they keep their lane and brake gently. Before the first plan they
-///             keep their lane at constant speed.
+/// Controlled  Follow their latest trajectory, linearly between its points. Where it has them
+///             elsewhere or at another speed, as a plan that comes late does, they take up the
+///             difference within a second. After its end, or with a cancelled plan, they keep their
+///             lane and brake gently. Before the first plan they keep their lane at constant speed.
 /// Units       A vehicle may have an on-vehicle unit. While a trajectory of the unit is valid, the
 ///             vehicle drives it and no plan. After it, the vehicle brakes to a stop along the rest
 ///             of the trajectory, then in its lane: as a car does whose unit has failed.
@@ -29,6 +30,14 @@
 #define WORLD_DT 0.1 ///< [s]
 enum { WORLD_TICKS_PER_SECOND = 10 };
 
+/// The difference of a vehicle from its trajectory, in one direction, at the instant at which it
+/// began to follow it.
+typedef struct world_offset {
+    double position;         ///< [m]
+    double speed;            ///< [m/s]
+    double acceleration;     ///< [m/s^2]
+} world_offset;
+
 typedef struct world_vehicle {
     verge_vehicle           state;
     const scenario_vehicle* origin;
@@ -41,6 +50,8 @@ typedef struct world_vehicle {
     bool     planned;        ///< `plan` is valid
     double   plan_time;      ///< [s] t = 0 of its plan, in the world's time
     verge_vehicle_plan plan;
+    double   followed_from;  ///< [s] since when it follows the plan, in the world's time
+    world_offset ahead, left_of; ///< from the plan at that instant, in its direction and left of it
     bool     unit;           ///< `plan` is, or will be, a trajectory of its on-vehicle unit
     double   valid_until;    ///< [s] of that trajectory, in the world's time
     const char* mode;        ///< of its unit, or WORLD_MODE_NONE; null: no trajectory until now

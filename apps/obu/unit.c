@@ -20,6 +20,9 @@ static const double braking_gap = 1.5;
 /// A clock that is further ahead after a cycle has stepped; no cycle is that long. [us]
 static const int64_t leap_us = 1500000;
 
+/// The front of a body passes a stop line where it is this far beyond it. [m]
+static const double passes_from = 0.3;
+
 enum { OWN_STATES = 32 }; // remembered, to know them again when a bus returns them
 
 /// What plans the cycles of the roadside unit again.
@@ -563,12 +566,13 @@ static void plan_alone(unit* self, verge_vehicle_plan* plan)
     }
 }
 
-/// Along the actions of the plan, or else by an own decision.
-static void plan_departing(unit* self, const verge_vehicle_plan_t* rest, verge_vehicle_plan* plan)
+/// Along the actions of the plan, or else by an own decision: before a red signal in any case.
+static void plan_departing(unit* self, const verge_vehicle_plan_t* rest, bool red,
+                           verge_vehicle_plan* plan)
 {
     verge_vehicle_decision decided;
     const bool along =
-        wire_decision_from_plan(rest, &decided) && plan_decided(self, &decided, plan);
+        !red && wire_decision_from_plan(rest, &decided) && plan_decided(self, &decided, plan);
     if (along && plan->status == VERGE_PLANNED) {
         return;
     }
@@ -577,6 +581,55 @@ static void plan_departing(unit* self, const verge_vehicle_plan_t* rest, verge_v
     if (!along || other->status == VERGE_PLANNED) {
         *plan = *other;
     }
+}
+
+/// Is the front of a body beyond a stop line? *beside: [m] from the middle of the line.
+static bool is_beyond(const verge_road* road, int32_t lane, double x, double y, double* beside)
+{
+    double line_x = 0.0, line_y = 0.0, heading = 0.0, sine, cosine;
+    (void)verge_road_at(road, lane, verge_road_stop_line(road, lane), 0.0, &line_x, &line_y,
+                        &heading);
+    verge_sincos(heading, &sine, &cosine);
+    *beside = fabs((y - line_y) * cosine - (x - line_x) * sine);
+    return (x - line_x) * cosine + (y - line_y) * sine > passes_from;
+}
+
+/// Does the rest of a plan pass the stop line of this lane before the red of its signal ends?
+static bool passes(const unit* self, const verge_vehicle_plan_t* rest, const verge_signal* signal)
+{
+    const verge_scene* scene = &self->scenes[0];
+    const double front = 0.5 * scene->vehicles[self->own].length;
+    int32_t lane = scene->positions[self->own].lane_id;
+    bool was_before = false;
+    for (int32_t k = 0; k < rest->point_count; k++) {
+        const verge_plan_point_t* point = &rest->points[k];
+        const double t = (double)(rest->utime - self->utime) * 1e-6 + k * 1e-3 * rest->dt_ms;
+        if (signal->change_s >= 0.0 && t > signal->change_s) {
+            return false;
+        }
+        double sine, cosine, beside;
+        verge_sincos((double)point->heading, &sine, &cosine);
+        const bool beyond =
+            is_beyond(scene->road, signal->lane_id, point->x + front * cosine,
+                      point->y + front * sine, &beside);
+        if (beyond && was_before) {
+            return beside < 0.5 * verge_road_width(scene->road, signal->lane_id);
+        }
+        lane = verge_road_project(scene->road, point->x, point->y, (double)point->heading, lane)
+                   .lane_id;
+        was_before = !beyond && lane == signal->lane_id;
+    }
+    return false;
+}
+
+static bool passes_red(const unit* self, const verge_vehicle_plan_t* rest)
+{
+    bool found = false;
+    for (uint32_t i = 0; i < self->scenes[0].signal_count; i++) {
+        const verge_signal* signal = &self->scenes[0].signals[i];
+        found = found || (signal->state == VERGE_SIGNAL_RED && passes(self, rest, signal));
+    }
+    return found;
 }
 
 /// Does the rest of a plan meet a body, as they are predicted now? *met: the vehicle.
@@ -663,6 +716,8 @@ static void choose(unit* self, choice* chosen)
         chosen->reason = WIRE_UNIT_PLAN_FAR;
     } else if (meets(self, &chosen->rest, &chosen->vehicle)) {
         chosen->reason = WIRE_UNIT_CONTACT;
+    } else if (passes_red(self, &chosen->rest)) {
+        chosen->reason = WIRE_UNIT_RED_SIGNAL;
     } else if (plan->utime == self->departed) {
         chosen->reason = self->departed_reason; // until the next plan
         chosen->vehicle = self->departed_vehicle;
@@ -744,7 +799,7 @@ static void plan_following(unit* self, choice* chosen, verge_vehicle_plan* plan)
                || (plan->status != VERGE_PLANNED && chosen->rest.status == VERGE_PLANNED)) {
         chosen->mode = WIRE_DEPARTING;
         chosen->reason = WIRE_UNIT_NO_TRAJECTORY;
-        plan_departing(self, &chosen->rest, plan);
+        plan_departing(self, &chosen->rest, false, plan);
     }
 }
 
@@ -754,7 +809,9 @@ static bool carry_out(unit* self, choice* chosen, verge_vehicle_trajectory_t* tr
     verge_vehicle_plan* plan = &self->plans[0];
     switch (chosen->mode) {
     case WIRE_FOLLOWING: plan_following(self, chosen, plan); break;
-    case WIRE_DEPARTING: plan_departing(self, &chosen->rest, plan); break;
+    case WIRE_DEPARTING:
+        plan_departing(self, &chosen->rest, chosen->reason == WIRE_UNIT_RED_SIGNAL, plan);
+        break;
     case WIRE_ALONE: plan_alone(self, plan); break;
     case WIRE_STOPPING: stop(self, plan); break;
     }

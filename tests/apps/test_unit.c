@@ -16,11 +16,12 @@ enum { OWN = 7, HUMAN = 4, RSU = 3 };
 static const int64_t EPOCH = INT64_C(1700000000) * 1000000; // [us]
 static const uint32_t MAP = 0x1234567;
 
+#define LINE 160.0 // [m] the stop line of the right lane; it counts under a signal only
 static const double RIGHT[][2] = { { 0.0, 0.0 }, { 900.0, 0.0 } };
 static const double LEFT[][2] = { { 0.0, 3.75 }, { 900.0, 3.75 } };
 static const verge_lane_def LANES[] = {
     { .id = 0, .points = RIGHT, .point_count = 2, .width = 3.75, .speed_limit = 20.0, .left = 1,
-      .right = VERGE_NO_LANE },
+      .right = VERGE_NO_LANE, .stop_line_given = true, .stop_line = LINE },
     { .id = 1, .points = LEFT, .point_count = 2, .width = 3.75, .speed_limit = 20.0,
       .left = VERGE_NO_LANE, .right = 0 },
 };
@@ -338,6 +339,65 @@ static void a_plan_that_begins_far_from_the_vehicle_is_departed_from(void** stat
         CHECK_NEAR((double)self->said.points[0].speed, self->own.speed, 1e-5);
         rig_close(self);
     }
+}
+
+static bool show(rig* self, verge_signal_state shown, int64_t change_utime, double t)
+{
+    transport_message* message = message_of_kind(TRANSPORT_SIGNAL, t, 2);
+    message->as.signal = (verge_lane_signal_t){
+        .utime = instant(t), .change_utime = change_utime, .lane = 0, .state = (int16_t)shown,
+        .map_crc32 = (int32_t)MAP, .protocol_version = WIRE_PROTOCOL_VERSION,
+    };
+    return unit_offer(self->unit, message);
+}
+
+/// The roadside unit does not know the signal; the on-vehicle unit hears it.
+static void a_plan_past_a_red_signal_is_departed_from_and_the_vehicle_stops(void** state)
+{
+    (void)state;
+    rig* self = rig_open(12.0);
+    follow(self, 0.0, 0.7);
+    for (int i = 7; i < 130; ++i) {
+        const double t = 0.1 * i;
+        hear_states(self, t);
+        assert_true(show(self, VERGE_SIGNAL_RED, 0, t));
+        if (i % 5 == 0) {
+            const verge_vehicle_plan_t plan = plan_at(self, t);
+            assert_true(offer(self, &plan, t));
+        }
+        (void)cycle_at(self, t);
+        if (self->own.x + 0.5 * self->own.length > LINE - 12.0) {
+            expect(self, WIRE_DEPARTING, WIRE_UNIT_RED_SIGNAL);
+        }
+        drive_to(self, t + 0.1);
+        assert_true(self->own.x + 0.5 * self->own.length <= LINE);
+    }
+    assert_true(self->own.speed < 0.1);
+    assert_true(self->own.x + 0.5 * self->own.length > LINE - 5.0);
+    hear_states(self, 13.0);
+    assert_true(show(self, VERGE_SIGNAL_GREEN, 0, 13.0));
+    const verge_vehicle_plan_t plan = plan_at(self, 13.0);
+    assert_true(offer(self, &plan, 13.0));
+    (void)cycle_at(self, 13.0);
+    expect(self, WIRE_FOLLOWING, WIRE_UNIT_NONE);
+    rig_close(self);
+}
+
+static void a_plan_that_passes_after_the_known_end_of_the_red_is_followed(void** state)
+{
+    (void)state;
+    rig* self = rig_open(12.0);
+    self->own.x = LINE - 0.5 * self->own.length - 1.0; // a metre before the line
+    hear_states(self, 0.0);
+    const verge_vehicle_plan_t plan = plan_at(self, 0.0);
+    assert_true(show(self, VERGE_SIGNAL_RED, instant(0.05), 0.0)); // passed in 0.1 s
+    assert_true(offer(self, &plan, 0.0));
+    (void)cycle_at(self, 0.001);
+    expect(self, WIRE_FOLLOWING, WIRE_UNIT_NONE);
+    assert_true(show(self, VERGE_SIGNAL_RED, instant(0.6), 0.01));
+    (void)cycle_at(self, 0.011);
+    expect(self, WIRE_DEPARTING, WIRE_UNIT_RED_SIGNAL);
+    rig_close(self);
 }
 
 // ---- alone --------------------------------------------------------------------------------
@@ -883,6 +943,8 @@ int main(void)
         cmocka_unit_test(a_human_that_brakes_hard_is_expected_to_go_on_braking),
         cmocka_unit_test(the_plan_departed_from_is_not_followed_again_but_a_newer_one_is),
         cmocka_unit_test(a_plan_that_begins_far_from_the_vehicle_is_departed_from),
+        cmocka_unit_test(a_plan_past_a_red_signal_is_departed_from_and_the_vehicle_stops),
+        cmocka_unit_test(a_plan_that_passes_after_the_known_end_of_the_red_is_followed),
         cmocka_unit_test(without_a_roadside_unit_the_vehicle_drives_alone),
         cmocka_unit_test(after_three_silent_cycles_the_vehicle_is_alone),
         cmocka_unit_test(a_withdrawn_plan_is_not_followed),

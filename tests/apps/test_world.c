@@ -63,6 +63,14 @@ static verge_vehicle_plan random_plan(test_rng* rng)
     return plan;
 }
 
+static void put_on(verge_vehicle* state, const verge_point* point)
+{
+    state->x = point->x;
+    state->y = point->y;
+    state->heading = point->heading;
+    state->speed = point->speed;
+}
+
 static void test_a_controlled_vehicle_is_exactly_at_the_points_of_its_plan(void** state)
 {
     (void)state;
@@ -71,6 +79,7 @@ static void test_a_controlled_vehicle_is_exactly_at_the_points_of_its_plan(void*
     open_stage(&self);
     for (uint32_t round = 0; round < 20; ++round) {
         const verge_vehicle_plan plan = random_plan(&rng);
+        put_on(&self.world.vehicles[0].state, &plan.points[0]);
         world_follow(&self.world, &plan, world_time(&self.world));
         for (uint32_t i = 1; i < 30; ++i) {
             world_advance(&self.world);
@@ -95,6 +104,9 @@ static void test_between_two_points_it_is_on_the_line_between_them(void** state)
     stage    self;
     open_stage(&self);
     const verge_vehicle_plan plan = random_plan(&rng);
+    verge_point              at;
+    assert_true(world_point_at(&plan, 0.125, &at));
+    put_on(&self.world.vehicles[0].state, &at);
     world_follow(&self.world, &plan, -0.125); // made an eighth of a second ago
     for (uint32_t i = 1; i < 25; ++i) {
         world_advance(&self.world);
@@ -107,6 +119,42 @@ static void test_between_two_points_it_is_on_the_line_between_them(void** state)
         CHECK_NEAR(vehicle->state.speed, 0.75 * a->speed + 0.25 * b->speed, 1e-9);
     }
     close_stage(&self);
+}
+
+/// A plan that comes late, or for another place: the vehicle moves as one with a mass does, and is
+/// on the plan after a second.
+static void test_what_lies_between_a_vehicle_and_its_plan_is_taken_up_within_a_second(void** state)
+{
+    (void)state;
+    test_rng rng = test_rng_seeded("take up");
+    for (uint32_t round = 0; round < 50; ++round) {
+        stage self;
+        open_stage(&self);
+        verge_vehicle*     vehicle = &self.world.vehicles[0].state;
+        verge_vehicle_plan plan = { .vehicle_id = vehicle->id, .point_count = VERGE_POINTS_MAX };
+        const double speed = test_rng_between(&rng, 8.0, 12.0);
+        const double x = vehicle->x + test_rng_between(&rng, -1.0, 1.0);
+        const double y = vehicle->y + test_rng_between(&rng, -0.5, 0.5);
+        for (uint32_t i = 0; i < VERGE_POINTS_MAX; ++i) {
+            plan.points[i] = (verge_point){ .t = 0.1 * i, .x = x + 0.1 * i * speed, .y = y,
+                                            .speed = speed };
+        }
+        world_follow(&self.world, &plan, 0.0);
+        verge_vehicle before = *vehicle;
+        for (uint32_t i = 1; i < 15; ++i) {
+            world_advance(&self.world);
+            const double way = vehicle->x - before.x;
+            CHECK_NEAR(way, 0.05 * (vehicle->speed + before.speed), 0.1);
+            assert_true(fabs(vehicle->y - before.y) < 0.12);
+            if (i >= 10) {
+                CHECK_NEAR(vehicle->x, plan.points[i].x, 1e-9);
+                CHECK_NEAR(vehicle->y, plan.points[i].y, 1e-9);
+                CHECK_NEAR(vehicle->speed, speed, 1e-9);
+            }
+            before = *vehicle;
+        }
+        close_stage(&self);
+    }
 }
 
 static void test_without_a_plan_it_keeps_its_lane_and_its_speed(void** state)
@@ -300,6 +348,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_controlled_vehicle_is_exactly_at_the_points_of_its_plan),
         cmocka_unit_test(test_between_two_points_it_is_on_the_line_between_them),
+        cmocka_unit_test(
+            test_what_lies_between_a_vehicle_and_its_plan_is_taken_up_within_a_second),
         cmocka_unit_test(test_without_a_plan_it_keeps_its_lane_and_its_speed),
         cmocka_unit_test(test_a_cancelled_plan_ends_in_standstill_on_the_lane),
         cmocka_unit_test(test_a_recorded_vehicle_is_there_from_its_first_row_to_its_last),

@@ -83,7 +83,7 @@ const char* wire_unit_reason_name(int32_t reason)
     static const char* const names[] = {
         "none",        "contact",   "plan_far",      "never_heard", "silent",      "cancelled",
         "plan_over",   "other_map", "other_version", "not_wanted",  "no_position", "touching",
-        "off_road",    "refused",   "no_trajectory",
+        "off_road",    "refused",   "no_trajectory", "red_signal",
     };
     static_assert(sizeof names / sizeof names[0] == WIRE_UNIT_REASONS, "one name for each reason");
     return reason >= 0 && reason < WIRE_UNIT_REASONS ? names[reason] : "unknown";

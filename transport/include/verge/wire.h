@@ -65,8 +65,9 @@ typedef enum wire_unit_reason {
     // departing
     WIRE_UNIT_NO_TRAJECTORY = 14, ///< from where the vehicle is, no trajectory along the actions of the
                                   ///< plan was acceptable
+    WIRE_UNIT_RED_SIGNAL = 15,   ///< the plan passes a stop line while its signal is red
 } wire_unit_reason;
-enum { WIRE_UNIT_MODES = 4, WIRE_UNIT_REASONS = 15 };
+enum { WIRE_UNIT_MODES = 4, WIRE_UNIT_REASONS = 16 };
 
 /// "following", "departing", "alone", "stopping"; "unknown". Never null.
 const char* wire_unit_mode_name(int32_t mode);

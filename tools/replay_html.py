@@ -177,7 +177,7 @@ def planned_vehicle(plan, lanes, words):
 def predicted_vehicle(prediction):
     points = prediction["points"]
     dt, points = drawn_points(points, points[1][0] - points[0][0] if len(points) > 1 else 1.0)
-    return {"id": prediction["id"], "dt": dt,
+    return {"id": prediction["id"], "dt": dt, "hypotheses": tidy(prediction.get("hypotheses")),
             "x": packed([p[1] for p in points]), "y": packed([p[2] for p in points])}
 
 

@@ -10,6 +10,7 @@ enum { SAY_SIZE = 200 };
 static void search_write(FILE* out, const verge_search_report* search);
 static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double dt,
                           const char* line);
+static void hypotheses_write(FILE* out, const verge_prediction* prediction);
 static void status_write(FILE* out, const verge_vehicle_plan* vehicle);
 static void order_write(FILE* out, const verge_vehicle_plan* vehicle);
 static void changed_write(FILE* out, uint32_t changed);
@@ -43,9 +44,29 @@ void plan_write(FILE* out, const verge_plan* plan, const char* scenario, double 
             fprintf(out, "%s%s", k == 0 ? "" : ",", line);
             row_write(out, row, 4);
         }
-        fputs("]}", out);
+        fputs("],\"hypotheses\":", out);
+        hypotheses_write(out, prediction);
+        fputc('}', out);
     }
     fprintf(out, "]}%s", line);
+}
+
+/// Null where nothing is known.
+static void hypotheses_write(FILE* out, const verge_prediction* prediction)
+{
+    float sum = 0.0f;
+    for (uint32_t k = 0; k < VERGE_HYPOTHESIS_COUNT; ++k) {
+        sum += prediction->hypotheses[k];
+    }
+    if (sum <= 0.0f) {
+        fputs("null", out);
+        return;
+    }
+    for (uint32_t k = 0; k < VERGE_HYPOTHESIS_COUNT; ++k) {
+        fprintf(out, "%s\"%s\":", k == 0 ? "{" : ",", verge_hypothesis_name((verge_hypothesis)k));
+        number_write(out, (double)prediction->hypotheses[k]);
+    }
+    fputc('}', out);
 }
 
 const char* turn_signal_name(int32_t turn_signal)

@@ -8,6 +8,7 @@
 #include "base/scalar.h"
 #include "digest.h"
 #include "motion/job.h"
+#include "traffic/belief.h"
 #include "traffic/flow.h"
 #include "traffic/signals.h"
 
@@ -433,7 +434,11 @@ static void remember(verge_planner* self, const verge_vehicle_plan* plans, uint3
 static void write_prediction(const verge_planner* self, const verge_track* track, double heading,
                              verge_prediction* to)
 {
+    const verge_belief* belief = vg_belief_of(&self->commitment.beliefs, track->vehicle_id);
     to->vehicle_id = track->vehicle_id;
+    for (uint32_t k = 0; k < VERGE_HYPOTHESIS_COUNT; ++k) {
+        to->hypotheses[k] = belief != NULL ? belief->weights[k] : 0.0f;
+    }
     to->point_count = self->def.points;
     for (uint32_t k = 0; k < to->point_count; ++k) {
         to->points[k] = (verge_pose){

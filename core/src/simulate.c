@@ -151,7 +151,7 @@ verge_status verge_humans_advance(verge_humans* self, const verge_road* road,
     self->utime += (int64_t)(dt * 1e6);
     scene->utime = self->utime;
     self->order->of_humans = true;
-    vg_order_from(self->order, self->model, &self->flows[0], scene, &self->turns);
+    vg_order_from(self->order, self->model, &self->flows[0], scene, &self->turns, NULL);
     vg_flow_follow(self->model, &self->flows[0], dt, next);
     for (uint32_t i = 0; i < vehicle_count; ++i) {
         verge_vehicle* v = &vehicles[i];

@@ -90,6 +90,9 @@ def check_plan(plan, scenario):
     for prediction in plan["predictions"]:
         assert prediction["id"] not in bodies
         bodies[prediction["id"]] = [p[1:4] for p in prediction["points"]]
+        likely = prediction["hypotheses"]
+        assert set(likely) == {"keeps_on", "speeds_up", "yields", "insists", "changes_lane"}, likely
+        assert all(p >= 0.0 for p in likely.values()) and abs(sum(likely.values()) - 1.0) < 1e-5
     fallback = {v["id"] for v in plan["vehicles"] if v["status"] == "fallback"}
     planned = [v["id"] for v in plan["vehicles"]]
     for one in planned:

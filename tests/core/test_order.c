@@ -31,6 +31,7 @@ typedef struct world {
     vg_pairs* pairs;
     vg_order* order;
     verge_turns turns;
+    verge_beliefs beliefs;
     vg_model model;
     vg_flow flow;
 } world;
@@ -149,7 +150,7 @@ static void look(world* w)
     if (!w->model.single_axis) {
         vg_pairs_update(&w->model, &w->flow);
     }
-    vg_order_from(w->order, &w->model, &w->flow, &w->scene, &w->turns);
+    vg_order_from(w->order, &w->model, &w->flow, &w->scene, &w->turns, &w->beliefs);
 }
 
 // Speed from which a stop, or a stop behind a braking vehicle, is possible within a distance.
@@ -693,10 +694,37 @@ static void a_driver_who_has_to_wait_and_does_not_brake_is_let_go(void** state)
         assert_int_equal(w->order->rank[0], 0);
         w->vehicles[1].acceleration = 0.0;
         w->positions[1].s = 70.0; // it would have 40 m to stop in
+        w->positions[0].s = 70.0; // and the planned one can still stop as well
+        w->turns.count = 0;
         look(w);
         assert_int_equal(w->order->rank[0], 0);
         world_close(w);
     }
+}
+
+/// The planned vehicle relies on the other one while it can itself still stop gently. From then on
+/// the other one has to brake, and is let go until it does.
+static void nobody_is_relied_on_beyond_the_point_of_no_return_without_a_sign(void** state)
+{
+    (void)state;
+    verge_signal signal;
+    world* w = ruled_crossing(false, &signal);
+    add(w, true, 0, 70.0, 10.0, VERGE_NO_LANE);
+    add(w, false, 1, 66.0, 10.0, VERGE_NO_LANE);
+    look(w);
+    assert_int_equal(w->order->rank[0], 0);
+    w->positions[0].s = 78.0; // 35 m before the area
+    w->positions[1].s = 74.0;
+    look(w);
+    assert_int_equal(w->order->rank[0], 1);
+    assert_true(w->turns.of[1].doubted);
+    w->positions[0].s = 70.0; // back where it would have relied on it
+    look(w);
+    assert_int_equal(w->order->rank[0], 1);
+    w->vehicles[1].acceleration = -2.0;
+    look(w);
+    assert_int_equal(w->order->rank[0], 0);
+    world_close(w);
 }
 
 static void drivers_who_yield_to_nobody_are_not_run_into(void** state)
@@ -885,6 +913,7 @@ int main(void)
         cmocka_unit_test(a_red_signal_is_a_wall_and_a_green_one_is_not),
         cmocka_unit_test(priority_goes_before_arrival),
         cmocka_unit_test(a_driver_who_has_to_wait_and_does_not_brake_is_let_go),
+        cmocka_unit_test(nobody_is_relied_on_beyond_the_point_of_no_return_without_a_sign),
         cmocka_unit_test(drivers_who_yield_to_nobody_are_not_run_into),
         cmocka_unit_test(where_lanes_meet_at_an_angle_a_nose_comes_half_a_second_after_the_rear),
         cmocka_unit_test(a_vehicle_that_is_helped_does_not_enter_a_ring_before_a_driver),

@@ -93,6 +93,13 @@ static size_t value_size(const verge_planner_def* def)
     return arena.used;
 }
 
+/// The memory of decisions, compiled for 9 vehicles as the firmware is (apps/embedded/config.h).
+static size_t commitment_of_9(void)
+{
+    const size_t one = sizeof(verge_turn) + sizeof(verge_belief);
+    return sizeof(verge_commitment) - (VERGE_VEHICLES_MAX - 9) * one;
+}
+
 /// All that an on-vehicle unit holds, besides the road and its value-to-go.
 static size_t on_vehicle_size(const verge_planner_def* def)
 {
@@ -101,7 +108,7 @@ static size_t on_vehicle_size(const verge_planner_def* def)
     const size_t sampler = verge_sampler_memory_size(def);
     assert_true(decider > 0 && predictor > 0 && sampler > 0);
     const size_t scene = 9 * (sizeof(verge_vehicle) + sizeof(verge_lane_position));
-    const size_t plans = sizeof(verge_vehicle_decision) + sizeof(verge_commitment)
+    const size_t plans = sizeof(verge_vehicle_decision) + commitment_of_9()
                          + 2 * sizeof(verge_vehicle_plan);
     return decider - value_size(def) + predictor + sampler + scene + 9 * sizeof(verge_track) + plans;
 }

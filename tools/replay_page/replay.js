@@ -442,6 +442,8 @@ function drawBody(pen, vehicle, state) {
   pen.strokeStyle = followed ? palette.ink : palette.card;
   pen.lineWidth = (followed ? 2.5 : 1) * hair;
   pen.stroke();
+  const likely = likelyOf(vehicle);
+  if (likely) words.push(likely);
   const unit = modeAt(vehicle, now.t);
   if (unit && unit.mode !== "following") { // a second outline around the body
     const away = 3.5 * hair;
@@ -484,6 +486,15 @@ function drawLights(pen, state, half, side) {
       dot(pen, x, to * (side - 0.1 * lamp), 0.72 * lamp);
     }
   }
+}
+
+// What an uncontrolled vehicle is most likely about to do, if that is not to keep on.
+function likelyOf(vehicle) {
+  const plan = vehicle.controlled ? null : planAt(now.t);
+  const own = plan && plan.predictions.find((p) => p.id === vehicle.id);
+  if (!own || !own.hypotheses) return "";
+  const [name, weight] = Object.entries(own.hypotheses).reduce((a, b) => (b[1] > a[1] ? b : a));
+  return name === "keeps_on" ? "" : `${name.replace("_", " ")} ${Math.round(100 * weight)} %`;
 }
 
 // Numbers are on the bodies if there is space, or else beside them; actions are beside the bodies.

@@ -165,6 +165,7 @@ typedef struct verge_turn {
     int64_t helped;   ///< [us] since when it goes first because nobody moved; 0: it does not
     int64_t stopped;  ///< [us] since when it stands, or stood, at a stop sign; 0: it did not
     int32_t stop_lane_id; ///< the lane of that sign
+    bool    doubted;  ///< it is let go first until it shows that it waits
 } verge_turn;
 
 /// Who waits for conflict areas. Who comes first goes first, so this is kept from step to step.
@@ -172,6 +173,34 @@ typedef struct verge_turns {
     uint32_t   count;
     verge_turn of[VERGE_VEHICLES_MAX];
 } verge_turns;
+
+/// What an uncontrolled vehicle may be about to do. One that does not speed up, yield or insist
+/// follows its lane and whom it has ahead.
+typedef enum verge_hypothesis {
+    VERGE_KEEPS_ON = 0,
+    VERGE_SPEEDS_UP,
+    VERGE_YIELDS,       ///< brakes for the line before an area in which it has to let others go
+    VERGE_INSISTS,      ///< has to, and does not
+    VERGE_CHANGES_LANE, ///< moves to a lane beside
+} verge_hypothesis;
+enum { VERGE_HYPOTHESIS_COUNT = 5 };
+
+/// "keeps_on", "speeds_up", "yields", "insists", "changes_lane"; "??" for another value.
+const char* verge_hypothesis_name(verge_hypothesis hypothesis);
+
+/// How likely each hypothesis is, by what the vehicle did lately.
+typedef struct verge_belief {
+    int32_t vehicle_id;
+    int64_t utime;                            ///< [us] of the last update
+    double  speed;                            ///< [m/s] along its lane, then
+    float   weights[VERGE_HYPOTHESIS_COUNT];  ///< [1] sum 1
+    float   expected[VERGE_HYPOTHESIS_COUNT]; ///< [m/s^2] acceleration from then on
+} verge_belief;
+
+typedef struct verge_beliefs {
+    uint32_t     count;
+    verge_belief of[VERGE_VEHICLES_MAX];
+} verge_beliefs;
 
 /// Rounds the numbers of a decision to those that a plan message can hold: times to whole
 /// milliseconds, upwards; d to millimetres; s, v and distance to single precision. Who plans from
@@ -190,6 +219,7 @@ typedef struct verge_commitment {
     int32_t  vehicle_ids[VERGE_CONTROLLED_MAX];
     uint8_t  actions[VERGE_STEPS_MAX][VERGE_CONTROLLED_MAX]; ///< verge_action
     verge_turns turns;
+    verge_beliefs beliefs;
     /// Vehicles that have been in their target lane. They may leave it to overtake.
     uint32_t reached_count;
     int32_t  reached_ids[VERGE_CONTROLLED_MAX], reached_targets[VERGE_CONTROLLED_MAX];

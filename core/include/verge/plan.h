@@ -21,9 +21,12 @@ typedef struct verge_prediction {
     int32_t    vehicle_id;
     uint32_t   point_count;
     verge_pose points[VERGE_POINTS_MAX];
+    /// [1] How likely each verge_hypothesis is, 0 where it is not an option; sum 1. All 0: nothing
+    /// is known, as for a vehicle on no lane. Not part of the digest.
+    float      hypotheses[VERGE_HYPOTHESIS_COUNT];
 } verge_prediction;
 
-/// The whole plan. Large (117 kB with the default capacities): keep it in static memory. Vehicles
+/// The whole plan. Large (119 kB with the default capacities): keep it in static memory. Vehicles
 /// are ordered by id.
 typedef struct verge_plan {
     int64_t             utime;   ///< [us] instant t = 0 of all times in the plan

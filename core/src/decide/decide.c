@@ -122,7 +122,8 @@ verge_status verge_decide_for(uint64_t config, verge_decider* self, const verge_
     vg_model_from(self->model, &self->flows[0], &self->def, self->pairs, scene, controlled);
     decision->reordered = decision->unstuck = 0;
     if (self->model->best) {
-        vg_order_from(self->order, self->model, &self->flows[0], scene, &commitment->turns);
+        vg_order_from(self->order, self->model, &self->flows[0], scene, &commitment->turns,
+                      &commitment->beliefs);
         decision->reordered = self->order->reordered;
         decision->unstuck = self->order->unstuck;
     }

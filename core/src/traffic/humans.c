@@ -67,6 +67,13 @@ float vg_human_acceleration(const vg_model* model, uint32_t slot, float v, float
     return acceleration_of(&p, model->braking[slot], v, 1.0f / model->cruise[slot], gap, v_lead);
 }
 
+float vg_human_following(const vg_model* model, uint32_t slot, float v, float gap, float v_lead)
+{
+    VERGE_ASSERT(slot >= model->controlled_count && slot < model->count);
+    const idm p = idm_of(model->def);
+    return acceleration_of(&p, model->braking[slot], v, 0.0f, gap, v_lead);
+}
+
 // The leader is the nearest vehicle in the path, controlled or not. The offset d stays as it is.
 void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, float* station_to,
                          float* v_to, float* y_to)

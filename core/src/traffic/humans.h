@@ -16,6 +16,8 @@ void vg_flow_human_moves(const vg_model* model, const vg_flow* flow, float dt, f
 /// Acceleration of an uncontrolled slot at speed v behind a vehicle at this free gap and speed.
 /// [m/s^2]
 float vg_human_acceleration(const vg_model* model, uint32_t slot, float v, float gap, float v_lead);
+/// The same of one that wants no speed of its own: what the vehicle ahead asks for alone.
+float vg_human_following(const vg_model* model, uint32_t slot, float v, float gap, float v_lead);
 
 #ifdef __cplusplus
 }

@@ -2,6 +2,7 @@
 #include "traffic/order.h"
 
 #include "base/contract.h"
+#include "traffic/belief.h"
 #include "traffic/pairs.h"
 
 #include <string.h>
@@ -53,6 +54,7 @@ void vg_order_take(vg_order* self, vg_arena* arena, uint32_t vehicles_max)
         .before = vg_arena_take(arena, vehicles_max * sizeof *taken.before),
         .cedes = vg_arena_take(arena, vehicles_max * sizeof *taken.cedes),
         .rank = vg_arena_take(arena, vehicles_max * sizeof *taken.rank),
+        .insists = vg_arena_take(arena, vehicles_max * sizeof *taken.insists),
         .through = vg_arena_take(arena, VERGE_LANES_NEAR_MAX * sizeof *taken.through),
     };
     if (self != NULL) {
@@ -74,8 +76,18 @@ static bool has_areas(const vg_model* model, const vg_flow* flow, const verge_sc
     return found;
 }
 
+static void find_insisting(vg_order* self, const vg_model* model, const verge_scene* scene,
+                           const verge_beliefs* beliefs)
+{
+    for (uint32_t slot = model->controlled_count; slot < model->count; ++slot) {
+        const verge_belief* belief =
+            vg_belief_of(beliefs, scene->vehicles[model->input_index[slot]].id);
+        self->insists[slot] = belief != NULL ? belief->weights[VERGE_INSISTS] : 0.0f;
+    }
+}
+
 static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
-                        const verge_scene* scene, verge_turns* turns,
+                        const verge_scene* scene, verge_turns* turns, verge_beliefs* beliefs,
                         const verge_decision* decision)
 {
     VERGE_ASSERT(model->count <= self->vehicles_max);
@@ -83,7 +95,12 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
     self->slots = 0;
     self->reordered = self->unstuck = 0;
     self->blocked = self->helped = self->signs = 0;
+    self->believes = beliefs != NULL;
+    memset(self->insists, 0, model->count * sizeof self->insists[0]);
     if (!has_areas(model, flow, scene)) {
+        if (beliefs != NULL) {
+            vg_belief_update(beliefs, model, flow, scene, NULL);
+        }
         if (turns != NULL) {
             turns->count = 0;
         }
@@ -92,6 +109,10 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
     find_courses(self, model, flow, scene, turns);
     find_shares(self, model, flow);
     vg_order_zip(self, model, flow);
+    if (beliefs != NULL) {
+        vg_belief_update(beliefs, model, flow, scene, self);
+        find_insisting(self, model, scene, beliefs);
+    }
     vg_order_rank(self, model, flow, scene, turns, decision);
     bind(self, model);
     self->slots = model->count;
@@ -101,15 +122,15 @@ static void order_scene(vg_order* self, vg_model* model, const vg_flow* flow,
 }
 
 void vg_order_from(vg_order* self, vg_model* model, const vg_flow* flow, const verge_scene* scene,
-                   verge_turns* turns)
+                   verge_turns* turns, verge_beliefs* beliefs)
 {
-    order_scene(self, model, flow, scene, turns, NULL);
+    order_scene(self, model, flow, scene, turns, beliefs, NULL);
 }
 
 void vg_order_decided(vg_order* self, vg_model* model, const vg_flow* flow,
                       const verge_scene* scene, const verge_decision* decision)
 {
-    order_scene(self, model, flow, scene, NULL, decision);
+    order_scene(self, model, flow, scene, NULL, NULL, decision);
 }
 
 // ---------------------------------------------------------------------------- routes

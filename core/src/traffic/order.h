@@ -12,7 +12,8 @@
 ///             area early enough. Priority rules delay the time of arrival. A vehicle keeps its
 ///             first time of arrival while it waits, so waiting longer means to be earlier.
 ///             An uncontrolled vehicle that has to wait, by priority or a signal, is expected to
-///             do so unless it comes near without braking.
+///             do so unless it comes near without braking, and as long as the planned one can
+///             still stop gently itself. Once it was doubted it has to show that it waits.
 /// Waiting     A vehicle waits before an area until all vehicles with a lower rank have left it. It
 ///             also waits before a crossing while there is no room for it beyond (the box stays
 ///             clear), and before a ring that it would fill completely. A ring that it meets at an
@@ -120,6 +121,7 @@ typedef struct vg_course {
 typedef struct vg_order {
     uint32_t   vehicles_max, shares_max; ///< shares_max: of one vehicle
     uint32_t   slots;      ///< of the scene; 0: no order is needed
+    bool       believes;   ///< with beliefs about those that are not planned
     bool       of_humans;  ///< made by a simulator, to move the uncontrolled vehicles
     vg_course* courses;    ///< [vehicles_max]
     vg_share*  shares;     ///< [vehicles_max][shares_max] by own position, binding ones first
@@ -128,6 +130,7 @@ typedef struct vg_order {
     uint64_t*  cedes;      ///< [vehicles_max] slots (bits) on merging lanes that this one need not
                            ///< follow: they go after it
     uint8_t*   rank;       ///< [vehicles_max] 0: first
+    float*     insists;    ///< [vehicles_max] [1] weight of VERGE_INSISTS
     uint64_t*  through;    ///< [VERGE_LANES_NEAR_MAX] slots (bits) whose route has a near lane
     uint32_t   reordered;  ///< circles found in this scene: see progress.c
     uint32_t   unstuck;    ///< vehicles found that stand without a cause
@@ -142,8 +145,9 @@ void vg_order_take(vg_order* order, vg_arena* arena, uint32_t vehicles_max);
 
 /// The order of a scene, from the arrival times kept in `turns` (may be null: nothing is kept).
 /// It becomes model->order.
+/// beliefs: about the uncontrolled vehicles, updated here; null: what they do now counts alone.
 void vg_order_from(vg_order* order, vg_model* model, const vg_flow* flow, const verge_scene* scene,
-                   verge_turns* turns);
+                   verge_turns* turns, verge_beliefs* beliefs);
 /// The order that a decision states: its passes are kept, the rest is by arrival.
 void vg_order_decided(vg_order* order, vg_model* model, const vg_flow* flow,
                       const verge_scene* scene, const verge_decision* decision);
@@ -261,6 +265,10 @@ float vg_order_zip_wall(const vg_model* model, const vg_flow* flow, uint32_t slo
 
 /// Does the slot have to yield in an area that begins there on its route, by its lane's priority?
 bool vg_order_yields(const vg_order* order, const vg_model* model, uint32_t slot, float enter);
+
+/// Distance from the front of a slot that is not planned to the line at which it has to stop, or to
+/// let a planned one go, by the rules of the road. VG_FAR_AWAY: there is none. [m]
+float vg_order_line_to_yield(const vg_order* order, const vg_model* model, uint32_t slot);
 
 /// Gives each slot its rank. decision: passes to keep, or null.
 void vg_order_rank(vg_order* order, const vg_model* model, const vg_flow* flow,

@@ -22,6 +22,11 @@ static const float encroachment_of_priority = 2.5f;
 static const float brakes_within = 3.0f; // [s] at the present speed
 static const float braking_usual = 1.5f; // [m/s^2] with which drivers begin to brake for a line
 static const float crawling = 2.0f;      // [m/s]
+static const float shown_from = 0.6f;    // [m/s^2] who brakes less shows nothing
+// A planned vehicle stays ready to brake by this for one that has not shown that it waits. [m/s^2]
+static const float braking_ready = 2.0f;
+// Nor is one whose weight of VERGE_INSISTS is larger. [1]
+static const float doubt = 0.3f;
 // An estimate of arrival that is later by more, or earlier by more, replaces the first one. A
 // vehicle that is at most so long away waits for its turn, and is not late. [s]
 static const double later = 3.0, earlier = 1.0;
@@ -64,6 +69,7 @@ typedef struct ranking {
     uint64_t must[VERGE_VEHICLES_MAX];   // slots (bits) that come before
     uint64_t lets[VERGE_VEHICLES_MAX];   // slots (bits) in whose way it would be
     uint64_t passed;                     // slots (bits) that did not use their turn
+    uint64_t doubted;                    // slots (bits) that have to show that they wait
 } ranking;
 
 static void find_leaders(ranking* self);
@@ -73,6 +79,7 @@ static void find_facts(ranking* self);
 static void keep_passes(ranking* self, const verge_scene* scene, const verge_decision* decision);
 static void select_ranks(ranking* self);
 static void count_patience(const ranking* self, const verge_scene* scene, verge_turns* turns);
+static void note_doubts(const ranking* self, const verge_scene* scene, verge_turns* turns);
 
 void vg_order_rank(vg_order* order, const vg_model* model, const vg_flow* flow,
                    const verge_scene* scene, verge_turns* turns, const verge_decision* decision)
@@ -89,6 +96,7 @@ void vg_order_rank(vg_order* order, const vg_model* model, const vg_flow* flow,
     select_ranks(&self);
     if (turns != NULL) {
         count_patience(&self, scene, turns);
+        note_doubts(&self, scene, turns);
     }
 }
 
@@ -352,6 +360,7 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
             turn.stop_lane_id = self->model->road->lanes[course->sign_lane].id;
         }
         count_standing(self, i, scene->utime, before, &turn);
+        self->doubted |= before != NULL && before->doubted ? (uint64_t)1 << i : 0;
         self->order->helped |= turn.helped != 0 ? (uint64_t)1 << i : 0;
         if (course->share_count == 0 || self->arrival[i] >= VG_FAR_AWAY) {
             if (turn.still != 0 || turn.helped != 0 || turn.stopped != 0) {
@@ -450,6 +459,40 @@ static float line_before(const ranking* self, uint32_t slot, float enter)
     return vg_order_stops_first(self->order, self->flow, slot) ? course->sign : VG_FAR_AWAY;
 }
 
+// Has slot j by priority to wait for slot i in an area that begins there on their routes?
+static bool has_to_wait(const vg_order* order, const vg_model* model, uint32_t i, uint32_t j,
+                        float enter, float other_enter)
+{
+    return !vg_order_yields(order, model, i, enter)
+           && vg_order_yields(order, model, j, other_enter);
+}
+
+float vg_order_line_to_yield(const vg_order* order, const vg_model* model, uint32_t slot)
+{
+    const vg_share* shares = &order->shares[slot * order->shares_max];
+    const vg_course* course = &order->courses[slot];
+    float line = vg_minf(course->red, course->sign) - model->half_length[slot];
+    line = line > 0.0f && line < 0.5f * VG_FAR_AWAY ? line : VG_FAR_AWAY;
+    for (uint32_t k = 0; k < course->share_count; ++k) {
+        const vg_share* area = &shares[k];
+        const float at = area->enter - vg_share_margin(area) - model->half_length[slot];
+        if (area->other < model->controlled_count && area->kind < VG_SHARE_PART && at > 0.0f
+            && has_to_wait(order, model, area->other, slot, area->other_enter, area->enter)) {
+            line = vg_minf(line, at);
+        }
+    }
+    return line;
+}
+
+// Would slot i, after one more second, need more than light braking to stop before an area? Up to
+// then it may rely on others that have not shown yet that they wait.
+static bool stops_late(const ranking* self, uint32_t i, const vg_share* area)
+{
+    const float v = self->flow->v[i];
+    const float gap = area->enter - vg_share_margin(area) - self->model->half_length[i] - v;
+    return self->order->believes && v * v > 2.0f * braking_ready * vg_maxf(gap, 0.0f);
+}
+
 // Does slot j wait before its part of an area for slot i, by the rules and as far as one sees? Far
 // from the area a vehicle need not show it yet.
 static bool will_wait(const ranking* self, uint32_t i, const vg_share* area)
@@ -457,8 +500,9 @@ static bool will_wait(const ranking* self, uint32_t i, const vg_share* area)
     const uint32_t j = area->other;
     const float stop = line_before(self, j, area->other_enter);
     const bool stops = stop < VG_FAR_AWAY;
-    if (!stops && (vg_order_yields(self->order, self->model, i, area->enter)
-                   || !vg_order_yields(self->order, self->model, j, area->other_enter))) {
+    if ((!stops
+         && !has_to_wait(self->order, self->model, i, j, area->enter, area->other_enter))
+        || self->order->insists[j] > doubt) {
         return false;
     }
     const float line = stops ? stop : area->other_enter - vg_share_margin(area);
@@ -466,7 +510,8 @@ static bool will_wait(const ranking* self, uint32_t i, const vg_share* area)
     const float v = self->flow->v[j], needed = v * v / (2.0f * distance);
     const double a = self->scene->vehicles[self->model->input_index[j]].acceleration;
     const bool far = needed < braking_usual && (v < crawling || distance > brakes_within * v);
-    return far || a <= -0.5 * (double)needed;
+    const bool shows = v < standing || a <= -0.5 * (double)vg_maxf(needed, shown_from);
+    return shows || (far && !stops_late(self, i, area) && (self->doubted >> j & 1u) == 0);
 }
 
 // Has slot i to let the other vehicle go first in an area, by the rules of the road?
@@ -596,5 +641,25 @@ static void count_patience(const ranking* self, const verge_scene* scene, verge_
             first = first && self->order->rank[shares_of(self, i)[k].other] > self->order->rank[i];
         }
         turn->standing = first ? scene->utime : 0;
+    }
+}
+
+// Who has to wait for a planned vehicle, and goes first all the same?
+static void note_doubts(const ranking* self, const verge_scene* scene, verge_turns* turns)
+{
+    for (uint32_t i = 0; i < self->model->controlled_count; ++i) {
+        const vg_share* shares = shares_of(self, i);
+        for (uint32_t k = 0; k < self->order->courses[i].share_count; ++k) {
+            const uint32_t j = shares[k].other;
+            verge_turn* turn =
+                vg_turn_of(turns, scene->vehicles[self->model->input_index[j]].id);
+            const bool has_to =
+                line_before(self, j, shares[k].other_enter) < VG_FAR_AWAY
+                || has_to_wait(self->order, self->model, i, j, shares[k].enter,
+                               shares[k].other_enter);
+            if (turn != NULL && (self->lets[i] >> j & 1u) != 0 && has_to) {
+                turn->doubted = true;
+            }
+        }
     }
 }

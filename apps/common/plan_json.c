@@ -85,7 +85,7 @@ static void search_write(FILE* out, const verge_search_report* search)
     // Within this share of the bound; null where there is nothing to decide.
     fprintf(out, ",\"gap\":");
     number_write(out, search->bound > 0.0 ? 1.0 - search->reward / search->bound : (double)NAN);
-    fprintf(out, ",\"complete\":%s}", search->complete ? "true" : "false");
+    fprintf(out, ",\"conflicts\":%u,\"complete\":%s}", search->conflicts, search->complete ? "true" : "false");
 }
 
 static void vehicle_write(FILE* out, const verge_vehicle_plan* vehicle, double dt, const char* line)

@@ -8,6 +8,8 @@ const experiment experiments[] = {
       { NULL } },
     { "beyond", "5, 6 and 8 controlled vehicles: the authors' freeway, random dense traffic.", 200,
       beyond, { NULL } },
+    { "regret", "Distance of X_flow to the best known plan and to the bound, over the budget.", 30,
+      regret, { NULL } },
     { "ramp-cases", "Cases 1, 2 and 3 of the paper's section 4.2.", 20, ramp_cases,
       { "ramp-case-1-state-1.00-3000", "ramp-case-2-state-1.00-3000", "ramp-case-3-speeds-up" } },
     { "roundabout", "Entrants and circulating vehicles at a two-lane roundabout.", 10, roundabout,

@@ -4,6 +4,8 @@
 /// pareto         Finish time against smallest gap, over the parameters that influence both.
 /// beyond         5, 6 and 8 controlled vehicles, on the authors' freeway and in random dense
 ///                traffic; the paper's own search beside the default one.
+/// regret         The first decision in random dense traffic, over the budget: how far X_flow is
+///                from the best that is known, and from the bound.
 /// ramp-cases     Cases 1, 2 and 3 of section 4.2, from both of the authors' states.
 /// roundabout     Entering and circulating vehicles.
 /// recorded       Recorded US-101 traffic with replayed humans; empty if the data is absent.
@@ -29,6 +31,6 @@ typedef struct experiment {
 extern const experiment experiments[];
 extern const uint32_t   experiment_count;
 
-experiment_run freeway_table, pareto, beyond, ramp_cases, roundabout, recorded, diversity;
+experiment_run freeway_table, pareto, beyond, regret, ramp_cases, roundabout, recorded, diversity;
 
 #endif

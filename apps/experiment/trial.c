@@ -171,6 +171,8 @@ static void first_search(drive* self)
     self->result->nodes = self->plan->search.nodes_first;
     self->result->nodes_total = self->plan->search.nodes;
     self->result->reward = self->plan->search.reward;
+    self->result->conflicts = self->plan->search.conflicts;
+    self->result->bound = self->plan->search.bound;
     if (self->task->bound) {
         self->result->bound = bound_of(&self->world);
     }

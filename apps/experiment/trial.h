@@ -52,6 +52,7 @@ typedef struct outcome {
     uint32_t nodes, nodes_total;
     double   nodes_cycle;    ///< [1] nodes created, mean over the run's cycles
     double   reward;         ///< [1] X_flow of the first decision; NaN where there is none
+    uint32_t conflicts;      ///< planned vehicles in a conflict in the first decision
     double   bound;          ///< [1] that it cannot exceed; NaN: not asked for
     void*    notes;          ///< what the observer noted
     char*    run;            ///< the run file, null: not recorded

@@ -126,6 +126,8 @@ typedef struct verge_search_report {
     uint32_t unexpanded;  ///< iterations without a new node because the pool was full
     double   reward;      ///< [1] X_flow of the returned plan, in [0, 1] (Eq. 5)
     double   bound;       ///< [1] upper bound of X_flow for all plans of this cycle
+    uint32_t conflicts;   ///< controlled vehicles that the returned plan leaves in a conflict with
+                          ///< somebody at some step; 0: a joint plan without conflict was found
     bool     complete;    ///< all vehicles with a target lane are in it at the end of the plan
 } verge_search_report;
 

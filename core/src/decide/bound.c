@@ -4,6 +4,7 @@
 
 #include "base/contract.h"
 #include "base/scalar.h"
+#include "traffic/reward.h"
 
 #include <string.h>
 
@@ -134,14 +135,12 @@ static problem problem_of(const vg_model* model, const vg_flow* root, uint32_t s
 
 double vg_flow_bound(const vg_model* model, const vg_flow* root)
 {
-    if (model->best) { // no vehicle can lose less than nothing
-        const verge_planner_def* def = model->def;
+    if (model->best) {
         double all = 0.0;
         for (uint32_t slot = 0; slot < model->controlled_count; ++slot) {
-            all += (double)model->weight[slot];
+            all += (double)model->weight[slot] * vg_reward_most(model, root, slot);
         }
-        const double most = def->reward_target + def->reward_lane + def->reward_consistency;
-        return vg_min(all * most + 1e-5, 1.0);
+        return vg_min(all + 1e-5, 1.0);
     }
     // Of all near lanes, the lowest speed for the full reward and the highest speed limit.
     const vg_local* local = model->pairs->local;

@@ -1,7 +1,11 @@
 /// An upper bound of X_flow: the weighted sum of the best R_i that each vehicle could have on an
 /// empty road.
 ///
-/// Dynamic programming over (step, half lane changes left, times accelerated, last kind of action).
+/// BEST and POLICY: all that can be earned, less what lane changes cost that a vehicle cannot do
+/// without (vg_reward_most). What it loses behind slower vehicles is left out: others could let it
+/// by, so no part of that is certain.
+///
+/// PAPER: dynamic programming over (step, half lane changes left, times accelerated, last kind of action).
 /// Other vehicles and legal stretches are ignored and all values are rounded upwards, so the bound
 /// is admissible. DC is left out: on an empty road it never earns more than KS. Cost: a few
 /// thousand operations a vehicle.

@@ -168,6 +168,22 @@ static void vary(const vg_search* self, uint32_t k, vg_joint_actions* sequence)
     write_code(self, sequence, slot, &codes[k % CODE_COUNT]);
 }
 
+// Two vehicles at once: what one of them gives up another one may need. Every second time all others
+// follow their policies.
+static void vary_pair(vg_search* self, vg_joint_actions* sequence)
+{
+    const uint32_t count = self->model->controlled_count;
+    const uint32_t slot = pick_vehicle(self);
+    const uint32_t other = (slot + 1u + vg_random_below(self->random, count - 1u)) % count;
+    if (vg_random_below(self->random, 2) == 0) {
+        for (uint32_t t = 0; t < self->model->def->steps; ++t) {
+            memset(sequence->actions[t], VG_POLICY, count);
+        }
+    }
+    write_code(self, sequence, slot, &codes[vg_random_below(self->random, CODE_COUNT)]);
+    write_code(self, sequence, other, &codes[vg_random_below(self->random, CODE_COUNT)]);
+}
+
 // Where a variation ends, the vehicle may follow its policy instead of its actions of before.
 static void end_in_policy(vg_search* self, const vg_joint_actions* before, vg_joint_actions* after)
 {
@@ -229,6 +245,8 @@ void vg_search_polish(vg_search* self, uint32_t budget)
             memset(sequence.actions, VG_POLICY, sizeof sequence.actions);
         } else if (k < sweeps) {
             vary(self, k, &sequence);
+        } else if (k % 4u == 1u && self->model->controlled_count > 1u) {
+            vary_pair(self, &sequence);
         } else {
             const vg_joint_actions before = sequence;
             from = vary_randomly(self, &sequence);

@@ -34,10 +34,12 @@ void vg_search_run(vg_tree* tree, const vg_model* model, vg_flow flows[3], vg_ra
         (void)vg_tree_add(&self, VG_NO_NODE, NULL, self.root);
     }
     double warm_reward = VG_NO_PLAN;
+    uint32_t warm_conflicts = 0;
     vg_joint_actions kept = { .step_count = 0 };
     if (model->best && warm != NULL) {
         (void)vg_search_try(&self, 0, warm);
         warm_reward = self.best_reward;
+        warm_conflicts = self.best_conflicts;
         kept = self.best;
     }
     search(&self, model->def->iterations);
@@ -45,9 +47,13 @@ void vg_search_run(vg_tree* tree, const vg_model* model, vg_flow flows[3], vg_ra
     if (warm_reward > VG_NO_PLAN
         && self.best_reward < warm_reward + margin * switched_share(&self, &kept)) {
         self.best = kept;
+        self.best_reward = warm_reward;
+        self.best_conflicts = warm_conflicts;
     }
     replay(&self, &self.best);
     *sequence = self.sequence;
+    report->conflicts = model->best ? vg_bits(self.best_conflicts)
+                        : self.best_reward > VG_NO_PLAN ? 0u : model->controlled_count;
     report->bound = vg_flow_bound(model, self.root);
 }
 

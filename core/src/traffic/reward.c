@@ -215,6 +215,32 @@ void vg_flow_begin(vg_model* model, const vg_flow* root, uint32_t reached)
     }
 }
 
+// From the centre of its lane a vehicle is in the next one after two steps of a change; from this
+// far on its way after one. [m]
+static const float changes_at_once_from = 0.04f;
+
+// Nothing but these costs is certain: a vehicle that has to change lane either does not get there,
+// and pays for the wrong lane in every step, or does, and pays for each change and for the steps
+// before. 0.04 s are for the rounding of single precision.
+double vg_reward_most(const vg_model* model, const vg_flow* root, uint32_t slot)
+{
+    const verge_planner_def* def = model->def;
+    const double most = def->reward_target + def->reward_lane + def->reward_consistency;
+    const uint32_t way = changes_left(model, root, slot);
+    if (way == 0) {
+        return most;
+    }
+    const double step = (double)model->wrong_lane[slot] * def->step_s;
+    const double never = (double)def->steps * step;
+    const float d = vg_fabsf(root->d[slot]);
+    const double steps_before = (double)way - (d > changes_at_once_from ? 1.0 : 0.0);
+    const double changes = (double)way - (d > VG_CENTRED ? 1.0 : 0.0);
+    const double there = vg_min(steps_before * step, never) + changes * (double)VG_VALUE_CHANGE;
+    const double lost = way == VG_WAY_CHANGES ? never : vg_min(never, there);
+    return most - vg_max(lost - 0.04, 0.0) * (def->reward_target + def->reward_lane)
+                      / (double)loss_scale;
+}
+
 static double reward_best(const vg_model* model, const vg_flow* flow, uint32_t step, bool whole)
 {
     const verge_planner_def* def = model->def;

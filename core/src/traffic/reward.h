@@ -31,6 +31,10 @@ void vg_flow_begin(vg_model* model, const vg_flow* root, uint32_t reached);
 /// driving alone at the speeds of the road: time, and what its state at the end costs further. [s]
 float vg_flow_loss(const vg_model* model, const vg_flow* flow, uint32_t slot, float t);
 
+/// BEST. The largest R_i that any plan of a slot can earn from this root: what lane changes cost that
+/// it cannot do without. [1]
+double vg_reward_most(const vg_model* model, const vg_flow* root, uint32_t slot);
+
 #ifdef __cplusplus
 }
 #endif

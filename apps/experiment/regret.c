@@ -1,8 +1,8 @@
 /// How good the first decision is, in random dense traffic: the distance of X_flow to the best plan
 /// that is known, over the budget and the number of planned vehicles; and that of the bound.
 ///
-/// Best known   The largest X_flow of all searches of a scene: each budget with `seeds` seeds. It is
-///              no proof, so the regret may be larger; where the bound equals it, it is the optimum.
+/// Best known   The largest X_flow of all searches of a scene: each budget with two seeds. It is no
+///              proof, so the regret may be larger; where the bound equals it, it is the optimum.
 /// Seconds      X_flow loses reward_target + reward_lane of 30 s at first for each second that a
 ///              vehicle loses, so a regret is this many seconds a vehicle.
 #include "experiments.h"

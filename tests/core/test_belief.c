@@ -1,5 +1,5 @@
-/// Goal: what an uncontrolled vehicle is about to do is believed by what it did in the last second:
-///       within a second of a change of mind the right hypothesis is the most likely one.
+/// Goal: what an uncontrolled vehicle is about to do is believed by what it did lately: within a
+///       second of a change of mind the right hypothesis is the most likely one.
 /// Method: a planner on a major road that a minor one crosses, and on a road of two lanes; the human
 ///         drives by a given acceleration and lateral speed. The plan states the weights.
 #include "check.h"
@@ -64,13 +64,14 @@ static void rig_close(rig* self)
     free(self);
 }
 
-/// The human drives for a time [s] with an acceleration and a lateral speed, then the planner plans.
+/// The human drives for a time [s] with an acceleration and a lateral speed; then a plan is made.
 static const float* after(rig* self, double seconds, double acceleration, double lateral)
 {
     verge_vehicle* human = &self->vehicles[1];
     const double v = fmax(human->speed + acceleration * seconds, 0.0);
     const double way = 0.5 * (v + human->speed) * seconds;
-    const double course = self->vehicles[1].y < -10.0 && fabs(human->x) < 1e-9 ? 1.5707963267948966 : 0.0;
+    const bool north = self->vehicles[1].y < -10.0 && fabs(human->x) < 1e-9;
+    const double course = north ? 1.5707963267948966 : 0.0;
     human->x += way * cos(course);
     human->y += way * sin(course) + lateral * seconds;
     human->heading = course + atan2(lateral, fmax(v, 1.0));
@@ -149,7 +150,9 @@ static void what_a_vehicle_did_in_the_last_second_counts(void** state)
 {
     (void)state;
     const struct { double acceleration, lateral; verge_hypothesis is; } done[] = {
-        { 0.0, 0.0, VERGE_KEEPS_ON }, { 1.2, 0.0, VERGE_SPEEDS_UP }, { 0.0, 0.8, VERGE_CHANGES_LANE },
+        { 0.0, 0.0, VERGE_KEEPS_ON },
+        { 1.2, 0.0, VERGE_SPEEDS_UP },
+        { 0.0, 0.8, VERGE_CHANGES_LANE },
         { 0.0, 0.0, VERGE_KEEPS_ON },
     };
     rig* self = on_the_street(20.0);

@@ -572,7 +572,6 @@ static void who_stops_first_at_a_crossing_of_stop_signs_goes_first(void** state)
         bool gone = false;
         for (uint32_t cycles = 0; !gone && cycles < 80; ++cycles) {
             drive(w, 0);
-            if (getenv("SHOW")) { printf("round %u cycle %u\n", round, cycles); show(w); }
             assert_int_equal(w->positions[0].lane_id, second); // added first
             gone = w->positions[1].lane_id != first;
         }

@@ -112,8 +112,8 @@ static inline const char* strict_motion_fault(const verge_vehicle_plan* plan,
             }
             const double steer_rate = (atan(body->wheelbase * k)
                                        - atan(body->wheelbase * k_before)) / (0.1 * h);
-            // Slow positions hide curvature in their last digits: 3 % and 0.02 / v of slack.
-            if (j > 0 && fabs(steer_rate) > body->steer_rate_max * 1.03 + 0.02 / v) {
+            // Slow positions hide curvature in their last digits: 6 % and 0.02 / v of slack.
+            if (j > 0 && fabs(steer_rate) > body->steer_rate_max * 1.06 + 0.02 / v) {
                 snprintf(text, 160, "t=%.2f steering rate %.3f rad/s at %.3f m/s", p->t,
                          steer_rate, v);
                 return "steers faster than it can";

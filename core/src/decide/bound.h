@@ -5,10 +5,10 @@
 /// without (vg_reward_most). What it loses behind slower vehicles is left out: others could let it
 /// by, so no part of that is certain.
 ///
-/// PAPER: dynamic programming over (step, half lane changes left, times accelerated, last kind of action).
-/// Other vehicles and legal stretches are ignored and all values are rounded upwards, so the bound
-/// is admissible. DC is left out: on an empty road it never earns more than KS. Cost: a few
-/// thousand operations a vehicle.
+/// PAPER: dynamic programming over (step, half lane changes left, times accelerated, last kind of
+/// action). Other vehicles and legal stretches are ignored and all values are rounded upwards,
+/// so the bound is admissible. DC is left out: on an empty road it never earns more than KS. Cost: a
+/// few thousand operations a vehicle.
 #ifndef VG_BOUND_H
 #define VG_BOUND_H
 

@@ -168,8 +168,8 @@ static void vary(const vg_search* self, uint32_t k, vg_joint_actions* sequence)
     write_code(self, sequence, slot, &codes[k % CODE_COUNT]);
 }
 
-// Two vehicles at once: what one of them gives up another one may need. Every second time all others
-// follow their policies.
+// Two vehicles at once: what one of them gives up another one may need. Every second time all
+// others follow their policies.
 static void vary_pair(vg_search* self, vg_joint_actions* sequence)
 {
     const uint32_t count = self->model->controlled_count;

@@ -4,6 +4,9 @@
 #include "base/contract.h"
 
 /// Duration of the lateral motion to the offset, at the speed of the start. [s]
+/// The wheel turns back over at least this distance, and no faster than points of a trajectory show.
+/// [m], [s]
+static const double unwind_least = 1.0, unwind_least_s = 0.1;
 static const double centring_s = 3.0;
 /// Share of the limits that is used: the rest is for the steps of the integration. [1]
 static const double limit_share = 0.98;
@@ -70,7 +73,8 @@ void vg_stop_straight(vg_leg* leg, vg_path* path, const vg_limits* limits, const
     const double gain = vg_square(vg_max(rear->acceleration, 0.0)) / (2.0 * VG_JERK_MAX);
     const double per_metre =
         limit_share * limits->steer_rate_max / (limits->wheelbase * (v + gain));
-    unwind(path, rear, curvature, vg_max(vg_abs(curvature) / per_metre, 1.0));
+    const double shortest = vg_max(unwind_least, unwind_least_s * v);
+    unwind(path, rear, curvature, vg_max(vg_abs(curvature) / per_metre, shortest));
     *leg = (vg_leg){ .path = path, .limits = limits, .by_distance = true, .span = 1.0 };
 }
 

@@ -84,7 +84,9 @@ static double likelihood(const verge_belief* belief, uint32_t hypothesis, double
     double a = (acceleration - expected) / acceleration_scale;
     double y = (lateral - across) / lateral_scale;
     // Who insists may speed up, who yields may brake early, and who changes lane do it faster.
-    a = (hypothesis == VERGE_INSISTS && a > 0.0) || (hypothesis == VERGE_YIELDS && a < 0.0) ? 0.0 : a;
+    const bool more = (hypothesis == VERGE_INSISTS && a > 0.0)
+                      || (hypothesis == VERGE_YIELDS && a < 0.0);
+    a = more ? 0.0 : a;
     y = hypothesis == VERGE_CHANGES_LANE && y > 0.0 ? 0.0 : y;
     return 1.0 / ((1.0 + a * a) * (1.0 + y * y));
 }

@@ -368,7 +368,11 @@ static void find_keys(ranking* self, const verge_scene* scene, verge_turns* turn
             }
             continue;
         }
-        const double arrival = kept_arrival((double)self->arrival[i], scene->utime, before);
+        // Of those that have stopped at their sign, the first one goes first.
+        const double arrival =
+            course->stopped != 0
+                ? -vg_seconds_between(course->stopped, scene->utime)
+                : kept_arrival((double)self->arrival[i], scene->utime, before);
         turn.arrival = scene->utime + (int64_t)(arrival * 1e6);
         const bool red = red_before(self, i, shares_of(self, i)->enter);
         const bool waits = red && course->red_opens <= opens_soon;

@@ -12,6 +12,8 @@ static const double far_m = 1.0, far_mps = 1.0;
 static const double near_m = 0.05, near_mps = 0.1;
 /// An unplanned neighbour that brakes harder is expected to go on braking. [m/s^2]
 static const double brakes_from = 1.0;
+/// A planned neighbour brakes at least by this for a vehicle that its plan lets go first. [m/s^2]
+static const double lets_braking = 3.0;
 /// Free space beside the own path, within which another body counts as in it. [m]
 static const double path_margin = 1.0;
 /// Free distance to such a neighbour, ahead of it and behind; less where there is less now. [m]
@@ -472,6 +474,27 @@ static void track_plan(const unit* self, const verge_vehicle_plan_t* plan, verge
     }
 }
 
+/// Does the plan of another vehicle say that it passes an area after the own one?
+static bool comes_after_own(const unit* self, const verge_vehicle_plan_t* plan)
+{
+    bool after = false;
+    for (int32_t k = 0; plan != NULL && k < plan->pass_count; k++) {
+        after = after || plan->passes[k].after == self->def.vehicle_id;
+    }
+    return after;
+}
+
+/// One that is beside its plan, in which it lets the own vehicle go first, brakes to do so.
+static void track_letting(const unit* self, const verge_vehicle* vehicle, verge_track* track)
+{
+    for (uint32_t k = 1; k < self->def.planner.points; k++) {
+        verge_vehicle then = *vehicle;
+        then.acceleration = fmin(then.acceleration, -lets_braking);
+        inbox_project(&then, (double)k * self->def.planner.point_s);
+        verge_track_set(track, k, then.x, then.y, then.heading, then.speed);
+    }
+}
+
 static void track_braking(const unit* self, const verge_vehicle* vehicle, verge_track* track)
 {
     const verge_vehicle* own = &self->scenes[0].vehicles[self->own];
@@ -504,6 +527,8 @@ static bool predict(unit* self, const verge_vehicle_decision* decided)
         }
         if (plan != NULL && fits(plan, vehicle, self->utime)) {
             track_plan(self, plan, &self->tracks.of[i]);
+        } else if (vehicle->speed > 0.0 && comes_after_own(self, plan)) {
+            track_letting(self, vehicle, &self->tracks.of[i]);
         } else if (vehicle->acceleration < -brakes_from && vehicle->speed > 0.0) {
             track_braking(self, vehicle, &self->tracks.of[i]);
         }

@@ -135,6 +135,20 @@ static void late_and_lost_plans_cause_no_contact(void** state)
     }
 }
 
+/// Two planned vehicles that are beside their late plans do not stop in one another's way: the one
+/// that passes second by the plan is expected to brake.
+static void late_and_lost_plans_bring_no_contact_at_a_crossing(void** state)
+{
+    (void)state;
+    for (uint64_t seed = 80; test_rounds_suffice() && seed < 80u + test_rounds(4); ++seed) {
+        const fleet_options faults = { .delay_s = 0.3, .loss = 0.2, .seed = seed };
+        const outcome out = drive_shipped("crossing", &faults);
+        if (out.collisions > 0) {
+            fail_msg("losses of seed %d", (int)seed);
+        }
+    }
+}
+
 /// Absent from 2 to 7 s, then started again without a memory.
 static void without_a_roadside_unit_for_a_while_the_vehicles_drive_on(void** state)
 {
@@ -274,6 +288,7 @@ int main(void)
         cmocka_unit_test(on_a_good_bus_plans_are_followed),
         cmocka_unit_test(on_a_good_bus_units_repeat_each_plan_bit_for_bit),
         cmocka_unit_test(late_and_lost_plans_cause_no_contact),
+        cmocka_unit_test(late_and_lost_plans_bring_no_contact_at_a_crossing),
         cmocka_unit_test(without_a_roadside_unit_for_a_while_the_vehicles_drive_on),
         cmocka_unit_test(without_a_roadside_unit_at_all_there_is_no_contact),
         cmocka_unit_test(the_same_faults_give_the_same_run),

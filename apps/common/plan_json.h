@@ -9,6 +9,13 @@
 ///            the vehicle that goes through it directly before
 ///     "changed": what is new: "first", "status", "action", "why", "order"
 ///
+/// Of each prediction also what the vehicle may be about to do, null where nothing is known:
+///
+///     "hypotheses": {"keeps_on": 0.8, "speeds_up": 0.15, "yields": 0, "insists": 0,
+///                    "changes_lane": 0.05}   how likely each is; the sum is 1
+///
+/// `search`.`conflicts` is the number of planned vehicles that the decision leaves in a conflict.
+///
 /// `say` of the first action ends with the reason in words.
 #ifndef VERGE_APPS_PLAN_JSON_H
 #define VERGE_APPS_PLAN_JSON_H

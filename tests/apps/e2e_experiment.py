@@ -134,6 +134,17 @@ def gate_quality(program, folder):
     assert sum(success) / len(success) >= 0.85, success  # of 200 scenes each: RESULTS.md
 
 
+def gate_regret(program, folder):
+    """The first decision in dense traffic: without a conflict, near the best known, below the bound."""
+    rows = rows_of(program, folder, "regret", 2)
+    mean = lambda budget: sum(r["regret"] for r in rows if r["iterations"] == budget) / len(rows)
+    assert mean(300) > mean(3000) >= mean(10000), rows
+    for row in rows:
+        assert row["bound_above_best"] >= 0.0, row
+        if row["iterations"] >= 3000:
+            assert row["with_a_conflict"] == 0 and row["regret"] <= 0.02, row
+
+
 def sign_test(more, less):
     """Chance of so many more out of the pairs that differ, if neither way were likelier."""
     pairs = int(more + less)
@@ -200,7 +211,7 @@ def main():
     options = parser.parse_args()
     program = os.path.join(options.bin, "verge-experiment")
     checks = (check_bad_input, check_interrupt, check_same_bytes, gate_table, gate_quality,
-              gate_yielding, gate_cases)
+              gate_regret, gate_yielding, gate_cases)
     if options.slow:
         checks = (check_bad_input, check_interrupt_soon, check_one_of_each)
     with tempfile.TemporaryDirectory() as folder:

@@ -17,6 +17,7 @@ VALID = {
     "verge_status": "VERGE_OK", "verge_reason": "VERGE_REASON_NONE",
     "verge_habit_kind": "VERGE_NORMAL", "verge_why": "VERGE_WHY_LEADER",
     "verge_priority": "VERGE_PRIORITY_STOP", "verge_signal_state": "VERGE_SIGNAL_RED",
+    "verge_hypothesis": "VERGE_YIELDS",
     "const verge_human_rules*": "&human_rules",
     "const verge_signal*": "traffic_signals", "verge_signal_fault*": "&signal_fault",
     "double": "1.0", "double dt": "0.1", "int32_t": "1", "uint32_t": "2", "uint32_t k": "3",

@@ -128,7 +128,10 @@ void world_follow(world* self, const verge_vehicle_plan* plan, double plan_time)
     vehicle->plan_time = plan_time;
     vehicle->planned = true;
     vehicle->unit = false;
-    offset_begin(vehicle, world_time(self));
+    vehicle->followed_from = -TAKE_UP;
+    if (self->takes_up) {
+        offset_begin(vehicle, world_time(self));
+    }
     vehicle->mode = vehicle->mode != NULL ? WORLD_MODE_NONE : NULL;
 }
 
@@ -292,7 +295,6 @@ static void offset_begin(world_vehicle* vehicle, double time)
 {
     const verge_vehicle* state = &vehicle->state;
     verge_point          at;
-    vehicle->followed_from = -TAKE_UP;
     if (!world_point_at(&vehicle->plan, time - vehicle->plan_time, &at)) {
         return;
     }

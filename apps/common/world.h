@@ -9,9 +9,10 @@
 ///     }
 ///
 /// Controlled  Follow their latest trajectory, linearly between its points. Where it has them
-///             elsewhere or at another speed, as a plan that comes late does, they take up the
-///             difference within a second. After its end, or with a cancelled plan, they keep their
-///             lane and brake gently. Before the first plan they keep their lane at constant speed.
+///             elsewhere or at another speed, as a plan that comes late does, they are there at
+///             once, or with `takes_up` take up the difference within a second. After its end, or
+///             with a cancelled plan, they keep their lane and brake gently. Before the first plan
+///             they keep their lane at constant speed.
 /// Units       A vehicle may have an on-vehicle unit. While a trajectory of the unit is valid, the
 ///             vehicle drives it and no plan. After it, the vehicle brakes to a stop along the rest
 ///             of the trajectory, then in its lane: as a car does whose unit has failed.
@@ -65,6 +66,7 @@ typedef struct world_vehicle {
 
 typedef struct world {
     const scenario*   scene;
+    bool              takes_up;   ///< a difference from a new plan is taken up within a second
     bool              units_only; ///< controlled vehicles drive trajectories of their units only
     const verge_road* road;
     uint32_t          tick;

@@ -78,6 +78,7 @@ fleet* fleet_open(world* world, const fleet_options* faults, char* error, size_t
         return NULL;
     }
     self->world = world;
+    self->world->takes_up = true; // plans may come late
     self->faults = *faults;
     self->map_crc32 = wire_map_crc32(&world->scene->def.road);
     self->rsu_sender = 1;

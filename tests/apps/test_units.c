@@ -272,7 +272,7 @@ static void test_a_vehicle_that_lost_its_unit_drives_the_next_plan(void** state)
     plan.points[0] = (verge_point){ .x = ego(&self)->state.x, .speed = 8.0 };
     plan.points[1] = (verge_point){ .t = 3.0, .x = ego(&self)->state.x + 24.0, .speed = 8.0 };
     world_follow(&self.world, &plan, world_time(&self.world));
-    advance(&self, 10); // takes up the difference within a second
+    advance(&self, 5);
     CHECK_NEAR(ego(&self)->state.speed, 8.0, 1e-9);
     close_stage(&self);
 }

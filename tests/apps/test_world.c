@@ -130,6 +130,7 @@ static void test_what_lies_between_a_vehicle_and_its_plan_is_taken_up_within_a_s
     for (uint32_t round = 0; round < 50; ++round) {
         stage self;
         open_stage(&self);
+        self.world.takes_up = true;
         verge_vehicle*     vehicle = &self.world.vehicles[0].state;
         verge_vehicle_plan plan = { .vehicle_id = vehicle->id, .point_count = VERGE_POINTS_MAX };
         const double speed = test_rng_between(&rng, 8.0, 12.0);
